@@ -1,0 +1,1 @@
+"""Pure mathematics: the paper, equation by equation."""

@@ -1,0 +1,1 @@
+"""Decode, align, encode, loop: pure and streaming."""

@@ -1,0 +1,1 @@
+"""The simulated car, written apart from what the estimator assumes."""
