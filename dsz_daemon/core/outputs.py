@@ -32,6 +32,7 @@ class Reason(IntEnum):
     REVERSING = 11
     WHEELS_SLIP = 12
     SETTLING = 13
+    IMPLAUSIBLE = 14
 
 
 class ChannelOutput(NamedTuple):

@@ -1,0 +1,138 @@
+"""When to learn: the transient measure tau (29) and Table 3.
+
+(29) integrates over a window that lies ahead (t to t + Dt); a live filter has only the past.
+The windowed mean square about the windowed mean is kept recursively (exponential window of
+Dt, after a first-order smoothing that takes sensor noise and engine shake out of "motion").
+The seven signals are p, q, r, a_x, a_y, a_z and delta_f; k_i = 1/(7 scale_i^2).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from dsz_daemon.core.linear import relaxed
+from dsz_daemon.core.outputs import Reason
+from dsz_daemon.core.parameters import Tuning
+
+SIGNALS = 7
+
+
+class TransientState(NamedTuple):
+    """Per signal: smoothed value, window mean and window mean square; v_car's last."""
+
+    smoothed: tuple[float, ...] = (math.nan,) * (SIGNALS + 1)
+    mean: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
+    square: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
+    filled_s: float = 0.0
+
+
+def _smoothed(old: float, x: float, tuning: Tuning, dt_s: float) -> float:
+    return x if math.isnan(old) else relaxed(old, x, tuning.tau_smoothing_s, dt_s)
+
+
+def watched(state: TransientState, signals: tuple[float, ...], tuning: Tuning, dt_s: float) -> TransientState:
+    """One step of the windows over (p, q, r, a_x, a_y, a_z, delta_f, v_car); NaN leaves its own still."""
+    smoothed = list(state.smoothed)
+    mean, square = list(state.mean), list(state.square)
+    for i, x in enumerate(signals):
+        if math.isnan(x):
+            continue
+        fresh = math.isnan(smoothed[i])
+        smoothed[i] = _smoothed(smoothed[i], x, tuning, dt_s)
+        if fresh:
+            mean[i], square[i] = x, x * x
+            continue
+        mean[i] = relaxed(mean[i], smoothed[i], tuning.tau_window_s, dt_s)
+        square[i] = relaxed(square[i], smoothed[i] ** 2, tuning.tau_window_s, dt_s)
+    filled = min(state.filled_s + dt_s, 1e6)
+    return TransientState(tuple(smoothed), tuple(mean), tuple(square), filled)
+
+
+def window_variance(state: TransientState, i: int) -> float:
+    """Mean square about the mean of signal i over its window, (29)'s bracket without k_i."""
+    return max(0.0, state.square[i] - state.mean[i] ** 2)
+
+
+def transient(state: TransientState, tuning: Tuning) -> float:
+    """Tau of (29), dimensionless: 1 where all seven signals scatter by their scale."""
+    rate, accel = tuning.tau_rate_scale_radps, tuning.tau_accel_scale_mps2
+    scales = (rate, rate, rate, accel, accel, tuning.tau_vertical_scale_mps2, tuning.tau_steering_scale_rad)
+    return sum(window_variance(state, i) / (SIGNALS * scale**2) for i, scale in enumerate(scales))
+
+
+def steering_variance(state: TransientState) -> float:
+    """Var(delta_f) of Table 3, rad^2."""
+    return window_variance(state, 6)
+
+
+def speed_variance(state: TransientState) -> float:
+    """Var(v_car) of Table 3, (m/s)^2."""
+    return window_variance(state, 7)
+
+
+def settled(state: TransientState, tuning: Tuning) -> bool:
+    """Whether the windows have filled: before that their variance means nothing."""
+    return state.filled_s >= 2.0 * tuning.tau_window_s
+
+
+def yaw_gate(delta: float, standstill: bool, tuning: Tuning) -> Reason:
+    """Z_r of (15); NONE opens it. At a standstill the yaw rate is zero whatever the wheel does."""
+    if standstill:
+        return Reason.NONE
+    if math.isnan(delta):
+        return Reason.NO_STEERING
+    return Reason.NONE if abs(delta) <= tuning.k_r_rad else Reason.STEERING_LARGE
+
+
+def roll_pitch_gate(r: float, standstill: bool, tuning: Tuning) -> Reason:
+    """Open, as (11), (13) are, but for turning: theta' = q - r phi makes q's mean nonzero then."""
+    if standstill or tuning.as_printed or math.isnan(r) or abs(r) <= tuning.turn_limit_radps:
+        return Reason.NONE
+    return Reason.TURNING
+
+
+def longitudinal_gate(state: TransientState, v: float, valid: bool, slip: bool, tuning: Tuning) -> Reason:
+    """Z_x of Table 3: tau < c1 and Var(v_car) < c2. And rolling: at rest a slope looks like offset."""
+    if not valid:
+        return Reason.NO_SPEED
+    if v < tuning.x_min_speed_mps:
+        return Reason.TOO_SLOW
+    if slip:
+        return Reason.WHEELS_SLIP
+    if not settled(state, tuning):
+        return Reason.SETTLING
+    if speed_variance(state) >= tuning.c2_m2ps2:
+        return Reason.SPEED_VARIES
+    return Reason.NONE if transient(state, tuning) < tuning.c1 else Reason.TRANSIENT
+
+
+def lateral_gate(
+    state: TransientState, v: float, valid: bool, delta: float, r: float, yaw_std: float, tuning: Tuning
+) -> Reason:
+    """Z_y of Table 3: v_car > c3, |delta_f| < c4, Var(delta_f) < c5, |r| < c6.
+
+    And yaw first: a yaw rate offset error dr puts v dr into e_y.
+    """
+    if not valid:
+        return Reason.NO_SPEED
+    if v <= tuning.c3_mps:
+        return Reason.TOO_SLOW
+    if math.isnan(delta) or math.isnan(r):
+        return Reason.NO_STEERING
+    if not settled(state, tuning) or yaw_std > tuning.yaw_first_std_radps:
+        return Reason.SETTLING
+    if abs(delta) >= tuning.c4_rad:
+        return Reason.STEERING_LARGE
+    if steering_variance(state) >= tuning.c5_rad2:
+        return Reason.STEERING_MOVES
+    return Reason.NONE if abs(r) < tuning.c6_radps else Reason.TURNING
+
+
+def vertical_gate(state: TransientState, valid: bool, tuning: Tuning) -> Reason:
+    """Z_z of Table 3: tau < c7."""
+    if not valid:
+        return Reason.NO_SPEED
+    if not settled(state, tuning):
+        return Reason.SETTLING
+    return Reason.NONE if transient(state, tuning) < tuning.c7 else Reason.TRANSIENT

@@ -1,0 +1,148 @@
+"""The reference speed v_car of section 3.1: four wheels, patched together, rate-limited.
+
+"Merely a reference value": undriven wheels while accelerating, the fastest wheel while
+braking, limited by what a car can do and by what the accelerometer says.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from dsz_daemon.core.linear import relaxed
+from dsz_daemon.core.parameters import Car, Inputs, Tuning
+
+NAN = math.nan
+
+
+class SpeedState(NamedTuple):
+    """Reference speed (m/s), its smoothed copy (for v'), seconds at rest, and slip seen.
+
+    `valid` is 0 until wheels have been seen, and after they are lost.
+    """
+
+    speed_mps: float = 0.0
+    smoothed_mps: float = 0.0
+    rest_s: float = 0.0
+    valid: float = 0.0
+
+
+class Corners(NamedTuple):
+    """Each wheel's speed carried to the C.G. (m/s); NaN where the wheel is missing."""
+
+    fl: float
+    fr: float
+    rl: float
+    rr: float
+
+
+def corner_speeds(inputs: Inputs, car: Car, r: float, delta: float, vy: float) -> Corners:
+    """Forward speed of the C.G. that each wheel alone stands for (no slip), m/s.
+
+    A front wheel rolls along its own heading: v_w = (v_x -+ r t/2) cos(delta) + (v_y + l_f r) sin(delta);
+    a rear one along the car's: v_w = v_x -+ r t/2 (upper sign: left).
+    """
+    r = 0.0 if math.isnan(r) else r
+    delta = 0.0 if math.isnan(delta) else delta
+    sideways = (vy + car.cg_to_front_axle_m * r) * math.sin(delta)
+    cos = math.cos(delta)
+    front, rear = 0.5 * r * car.front_track_m, 0.5 * r * car.rear_track_m
+    return Corners(
+        (inputs.wheel_speed_fl - sideways) / cos + front,
+        (inputs.wheel_speed_fr - sideways) / cos - front,
+        inputs.wheel_speed_rl + rear,
+        inputs.wheel_speed_rr - rear,
+    )
+
+
+def wheel_yaw_rate(inputs: Inputs, car: Car) -> float:
+    """Yaw rate from the undriven axle's speed difference, else the other axle's; NaN without both."""
+    rear = (inputs.wheel_speed_rr - inputs.wheel_speed_rl) / car.rear_track_m
+    front = (inputs.wheel_speed_fr - inputs.wheel_speed_fl) / car.front_track_m
+    first, second = (front, rear) if car.rear_driven and not car.front_driven else (rear, front)
+    return second if math.isnan(first) else first
+
+
+def _present(*values: float) -> list[float]:
+    return [value for value in values if not math.isnan(value)]
+
+
+def patched_speed(corners: Corners, car: Car, braking: bool) -> float:
+    """The wheels patched together, 3.1: the fastest while braking, else the undriven wheels' mean.
+
+    With all wheels driven the slowest stands for "undriven": spin only makes wheels faster.
+    """
+    wheels = _present(*corners)
+    if not wheels:
+        return NAN
+    if braking:
+        return max(wheels)
+    if car.front_driven and car.rear_driven:
+        return min(wheels)
+    undriven = _present(corners.fl, corners.fr) if car.rear_driven else _present(corners.rl, corners.rr)
+    return sum(undriven) / len(undriven) if undriven else min(wheels)
+
+
+def is_braking(inputs: Inputs, acceleration_mps2: float, threshold_mps2: float) -> bool:
+    """The brake switch where there is one, else the speed's own fall beyond the threshold."""
+    if not math.isnan(inputs.brake):
+        return inputs.brake != 0.0
+    return acceleration_mps2 < -threshold_mps2
+
+
+def wheels_agree(corners: Corners, tuning: Tuning) -> bool:
+    """Whether all wheels tell the same speed within the tolerance: no slip worth speaking of."""
+    wheels = _present(*corners)
+    if len(wheels) < 2:
+        return True
+    low, high = min(wheels), max(wheels)
+    return high - low <= tuning.wheel_disagreement_mps + tuning.wheel_disagreement * abs(high)
+
+
+def limited_speed(previous: float, wanted: float, ax: float, tuning: Tuning, dt_s: float) -> float:
+    """The rate limiter of 3.1: physical limits, narrowed round a_x where the IMU has one.
+
+    The margin round a_x covers its offset and the gravity of the steepest road.
+    """
+    low, high = -tuning.largest_deceleration_mps2, tuning.largest_acceleration_mps2
+    if not math.isnan(ax):
+        low = max(low, min(ax - tuning.imu_acceleration_margin_mps2, high))
+        high = min(high, max(ax + tuning.imu_acceleration_margin_mps2, low))
+    return min(max(wanted, previous + low * dt_s), previous + high * dt_s)
+
+
+def wheels_at_rest(inputs: Inputs, limit_mps: float) -> bool:
+    """Whether all wheels that report (at least one) report less than the limit."""
+    wheels = _present(*inputs[6:10])
+    return bool(wheels) and all(abs(wheel) < limit_mps for wheel in wheels)
+
+
+def acceleration(state: SpeedState, tuning: Tuning) -> float:
+    """v' (m/s^2): the speed's distance from its smoothed copy over the smoothing time."""
+    return (state.speed_mps - state.smoothed_mps) / tuning.speed_smoothing_s
+
+
+def advanced_speed(
+    state: SpeedState, inputs: Inputs, corners: Corners, car: Car, ax: float, tuning: Tuning, dt_s: float
+) -> SpeedState:
+    """One step of v_car. Without any wheel the speed is not valid; it starts afresh when they return."""
+    braking = is_braking(inputs, acceleration(state, tuning), tuning.braking_threshold_mps2)
+    wanted = patched_speed(corners, car, braking)
+    if math.isnan(wanted):
+        return SpeedState()
+    if not math.isnan(inputs.reverse) and inputs.reverse != 0.0:
+        # Wheel sensors that can't tell direction count up in reverse too.
+        wanted, ax = -abs(wanted), NAN
+    if state.valid == 0.0:
+        return SpeedState(wanted, wanted, 0.0, 1.0)
+    if state.speed_mps * wanted < 0.0 and abs(wanted) < 3.0:
+        # Changing direction at walking pace: a sign of the gear, not an acceleration.
+        return SpeedState(wanted, wanted, 0.0, 1.0)
+    speed = limited_speed(state.speed_mps, wanted, ax, tuning, dt_s)
+    rest = state.rest_s + dt_s if wheels_at_rest(inputs, tuning.standstill_speed_mps) else 0.0
+    return SpeedState(speed, relaxed(state.smoothed_mps, speed, tuning.speed_smoothing_s, dt_s), min(rest, 3600.0), 1.0)
+
+
+def at_standstill(state: SpeedState, tuning: Tuning) -> bool:
+    """Whether the car has stood long enough for the gyros' own truth: p = q = r = 0."""
+    return state.valid != 0.0 and state.rest_s >= tuning.standstill_wait_s

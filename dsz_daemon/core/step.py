@@ -1,0 +1,179 @@
+"""One tick of the estimator: `step(car, tuning, state, inputs, dt_s)` is the product.
+
+All memory is in the state; saving it and resuming equals never stopping. No clock, no
+randomness: time enters as dt_s. The order is the paper's data flow:
+speed (3.1) -> gyros (10)-(15) -> attitude, (4) -> observer (1)-(9) -> references (20)-(22)
+-> gates (29), Table 3 -> accelerometers (23)-(28) -> stiffness adaptation.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dsz_daemon.core import bicycle, gates, kinematics, stiffness, zeroing
+from dsz_daemon.core.motion import (
+    Motion,
+    moved,
+    observed_motion,
+    reference_accelerations,
+    turned_attitude,
+    used_yaw_rate,
+)
+from dsz_daemon.core.outputs import ChannelOutput, ChannelState, Reason, StepOutput
+from dsz_daemon.core.parameters import Car, Inputs, Tuning, ZeroingTuning
+from dsz_daemon.core.state import EstimatorState
+from dsz_daemon.core.zeroing import ZeroingState
+
+NAN = math.nan
+
+
+def step(
+    car: Car, tuning: Tuning, state: EstimatorState, inputs: Inputs, dt_s: float
+) -> tuple[EstimatorState, StepOutput]:
+    """One tick: the new state, and what it says. dt_s > 0 in seconds; NaN inputs are never learnt from."""
+    motion, speed_state = moved(car, tuning, state, inputs, dt_s)
+    state, why_gyro = _zeroed_gyros(state._replace(speed=speed_state), inputs, motion, tuning, dt_s)
+    motion = motion._replace(
+        p=zeroing.compensated(inputs.gyro_x, state.gyro_x),
+        q=zeroing.compensated(inputs.gyro_y, state.gyro_y),
+        r=used_yaw_rate(zeroing.compensated(inputs.gyro_z, state.gyro_z), inputs, car, motion.v, motion.delta),
+    )
+    ax = zeroing.compensated(inputs.accel_x, state.accel_x)
+    ay = zeroing.compensated(inputs.accel_y, state.accel_y)
+    az = zeroing.compensated(inputs.accel_z, state.accel_z)
+    lean = state.attitude
+    ay_road = kinematics.road_lateral_acceleration(
+        ay, lean.roll_rad, lean.pitch_rad, lean.suspension_roll_rad, lean.suspension_pitch_rad
+    )
+    state = state._replace(observer=observed_motion(car, tuning, state, motion, ay_road, dt_s))
+    references = reference_accelerations(motion, state.observer)
+    watched = (
+        motion.p,
+        motion.q,
+        motion.r,
+        ax,
+        ay,
+        az,
+        motion.delta,
+        motion.v if motion.speed_valid else NAN,
+    )
+    state = state._replace(
+        attitude=turned_attitude(state.attitude, car, tuning, motion, ax, ay, references, dt_s),
+        transient=gates.watched(state.transient, watched, tuning, dt_s),
+    )
+    state, why_accel = _zeroed_accelerometers(state, inputs, motion, references, tuning, dt_s)
+    state = state._replace(
+        stiffness=stiffness.adapted(
+            state.stiffness, car, motion.v, motion.r, ay_road, inputs.road_wheel_angle, tuning, dt_s
+        )
+    )
+    return state, _output(car, tuning, state, inputs, motion, references, (*why_gyro, *why_accel))
+
+
+def _learned(
+    state: ZeroingState,
+    law: ZeroingTuning,
+    target: float,
+    reason: Reason,
+    weight: float,
+    tuning: Tuning,
+    dt_s: float,
+    c: float = 1.0,
+) -> tuple[ZeroingState, Reason]:
+    """One channel's zeroing: open gate, believable target -> learn; else hold."""
+    if math.isnan(target):
+        return zeroing.held(state, law, dt_s), Reason.STALE if reason is Reason.NONE else reason
+    if reason is not Reason.NONE:
+        return zeroing.held(state, law, dt_s), reason
+    if abs(target) > law.largest_offset:
+        return zeroing.held(state, law, dt_s), Reason.IMPLAUSIBLE
+    return zeroing.zeroed(state, target, weight, law, tuning.block_s, dt_s, c), Reason.NONE
+
+
+def _zeroed_gyros(
+    state: EstimatorState, inputs: Inputs, motion: Motion, tuning: Tuning, dt_s: float
+) -> tuple[EstimatorState, tuple[Reason, Reason, Reason]]:
+    """(10)-(15): targets -p*, -q*, -r*."""
+    tilt = gates.roll_pitch_gate(motion.r, motion.standstill, tuning)
+    yaw = gates.yaw_gate(motion.delta, motion.standstill, tuning)
+
+    def one(old: ZeroingState, law: ZeroingTuning, reading: float, reason: Reason) -> tuple[ZeroingState, Reason]:
+        weight = law.standstill_weight if motion.standstill and not tuning.as_printed else 1.0
+        return _learned(old, law, -reading, reason, weight, tuning, dt_s)
+
+    x, why_x = one(state.gyro_x, tuning.gyro_x, inputs.gyro_x, tilt)
+    y, why_y = one(state.gyro_y, tuning.gyro_y, inputs.gyro_y, tilt)
+    z, why_z = one(state.gyro_z, tuning.gyro_z, inputs.gyro_z, yaw)
+    return state._replace(gyro_x=x, gyro_y=y, gyro_z=z), (why_x, why_y, why_z)
+
+
+def _zeroed_accelerometers(
+    state: EstimatorState,
+    inputs: Inputs,
+    motion: Motion,
+    references: tuple[float, float, float],
+    tuning: Tuning,
+    dt_s: float,
+) -> tuple[EstimatorState, tuple[Reason, Reason, Reason]]:
+    """(23)-(28) through the gates of Table 3."""
+    yaw_std = zeroing.offset_std(state.gyro_z, tuning.gyro_z)
+    if tuning.as_printed or math.isnan(inputs.gyro_z):
+        yaw_std = 0.0
+    valid, v = motion.speed_valid, motion.v
+    z_x = gates.longitudinal_gate(state.transient, v, valid, motion.slip, tuning)
+    z_y = gates.lateral_gate(state.transient, v, valid, motion.delta, motion.r, yaw_std, tuning)
+    z_z = gates.vertical_gate(state.transient, valid, tuning)
+    c_y = tuning.c_y
+    x, why_x = _learned(state.accel_x, tuning.accel_x, references[0] - inputs.accel_x, z_x, 1.0, tuning, dt_s)
+    y, why_y = _learned(state.accel_y, tuning.accel_y, references[1] - inputs.accel_y, z_y, 1.0, tuning, dt_s, c_y)
+    z, why_z = _learned(state.accel_z, tuning.accel_z, references[2] - inputs.accel_z, z_z, 1.0, tuning, dt_s)
+    return state._replace(accel_x=x, accel_y=y, accel_z=z), (why_x, why_y, why_z)
+
+
+def _channel(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Reason) -> ChannelOutput:
+    std = zeroing.offset_std(state, law)
+    gate = reason is Reason.NONE
+    if math.isnan(reading):
+        verdict = ChannelState.INVALID
+    elif std <= law.goal_std:
+        verdict = ChannelState.CONVERGED
+    else:
+        verdict = ChannelState.LEARNING if gate else ChannelState.HOLDING
+    return ChannelOutput(reading, zeroing.compensated(reading, state), -state.correction, std, verdict, gate, reason)
+
+
+def _output(
+    car: Car,
+    tuning: Tuning,
+    state: EstimatorState,
+    inputs: Inputs,
+    motion: Motion,
+    references: tuple[float, float, float],
+    reasons: tuple[Reason, ...],
+) -> StepOutput:
+    known = motion.speed_valid
+    beta = state.observer.sideslip_rad if known else NAN
+    return StepOutput(
+        gyro_x=_channel(inputs.gyro_x, state.gyro_x, tuning.gyro_x, reasons[0]),
+        gyro_y=_channel(inputs.gyro_y, state.gyro_y, tuning.gyro_y, reasons[1]),
+        gyro_z=_channel(inputs.gyro_z, state.gyro_z, tuning.gyro_z, reasons[2]),
+        accel_x=_channel(inputs.accel_x, state.accel_x, tuning.accel_x, reasons[3]),
+        accel_y=_channel(inputs.accel_y, state.accel_y, tuning.accel_y, reasons[4]),
+        accel_z=_channel(inputs.accel_z, state.accel_z, tuning.accel_z, reasons[5]),
+        speed_mps=motion.v if known else NAN,
+        sideslip_rad=beta,
+        lateral_velocity_mps=bicycle.lateral_velocity(motion.v, beta) if known else NAN,
+        yaw_rate_model_radps=state.observer.yaw_rate_radps if known else NAN,
+        road_wheel_angle_rad=motion.delta,
+        accel_x_reference_mps2=references[0],
+        accel_y_reference_mps2=references[1],
+        accel_z_reference_mps2=references[2],
+        tau=gates.transient(state.transient, tuning),
+        roll_rad=state.attitude.roll_rad,
+        pitch_rad=state.attitude.pitch_rad,
+        suspension_roll_rad=state.attitude.suspension_roll_rad,
+        suspension_pitch_rad=state.attitude.suspension_pitch_rad,
+        front_cornering_stiffness_n_per_rad=stiffness.front_stiffness(state.stiffness, car),
+        rear_cornering_stiffness_n_per_rad=stiffness.rear_stiffness(state.stiffness, car),
+        standstill=motion.standstill,
+    )
