@@ -91,7 +91,6 @@ class Loop:
     def frame(self, frame: Frame) -> list[Row]:
         """One frame in; rows of the ticks that lay before it out."""
         memory = self.memory
-        memory.counters = memory.counters._replace(frames=memory.counters.frames + 1)
         samples = self._decoder.decode(frame)
         if not samples:
             return []
@@ -99,7 +98,8 @@ class Loop:
         for sample in samples:
             memory.aligner.take(sample)
         memory.last_sample_ns = max(memory.last_sample_ns, frame.t_ns)
-        memory.counters = memory.counters._replace(samples=memory.counters.samples + len(samples))
+        counters = memory.counters
+        memory.counters = counters._replace(frames=counters.frames + 1, samples=counters.samples + len(samples))
         return rows
 
     def _until(self, t_ns: int) -> list[Row]:

@@ -8,7 +8,7 @@ from dsz_daemon.core.outputs import StepOutput
 
 
 class Counters(NamedTuple):
-    """What the loop has seen since it started; all only grow."""
+    """What the loop has seen since it started; all only grow. `frames` are those that gave a sample."""
 
     frames: int = 0
     samples: int = 0

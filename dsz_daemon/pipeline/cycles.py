@@ -1,0 +1,83 @@
+"""How regularly the wanted messages came: what a logger or a bus has dropped, by their own cycle."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from dsz_daemon.pipeline.frames import Frame
+
+Address = tuple[str, int, bool]
+
+
+@dataclass
+class _Gaps:
+    last_ns: int
+    frames: int = 1
+    # Gap lengths in 0.1 ms: cycles are milliseconds, jitter is a fraction of one.
+    gaps: Counter[int] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One message: frames seen, median cycle, and frames missing from it."""
+
+    channel: str
+    can_id: int
+    frames: int
+    cycle_s: float
+    missing: int
+    longest_gap_s: float
+
+    @property
+    def missing_share(self) -> float:
+        """Missing frames over those that should have come."""
+        return self.missing / (self.frames + self.missing)
+
+
+@dataclass
+class CycleWatch:
+    """Takes every wanted frame; `cycles` says what was missing.
+
+    A gap of n median cycles means n - 1 frames that did not come. Messages sent on events rather
+    than in a cycle have no use for this; their gaps scatter too widely (`steady`) and say nothing.
+    """
+
+    wanted: frozenset[tuple[int, bool]]
+    seen: dict[Address, _Gaps] = field(default_factory=dict)
+
+    def watch(self, frame: Frame) -> None:
+        """Takes one frame into account; frames that nobody wants are passed over."""
+        if (frame.can_id, frame.is_extended) not in self.wanted or frame.is_remote or frame.is_error:
+            return
+        address = (frame.channel, frame.can_id, frame.is_extended)
+        gaps = self.seen.get(address)
+        if gaps is None:
+            self.seen[address] = _Gaps(frame.t_ns)
+            return
+        gaps.frames += 1
+        if frame.t_ns >= gaps.last_ns:
+            gaps.gaps[round((frame.t_ns - gaps.last_ns) * 1e-5)] += 1
+        gaps.last_ns = frame.t_ns
+
+    def cycles(self) -> list[Cycle]:
+        """All messages with a steady cycle, in the order of their ids."""
+        found = [cycle for address, gaps in self.seen.items() if (cycle := _cycle(address, gaps)) is not None]
+        return sorted(found, key=lambda cycle: (cycle.channel, cycle.can_id))
+
+
+def _cycle(address: Address, gaps: _Gaps) -> Cycle | None:
+    total = sum(gaps.gaps.values())
+    if total < 20:
+        return None
+    half, seen, median = total / 2.0, 0, 0
+    for length in sorted(gaps.gaps):
+        seen += gaps.gaps[length]
+        if seen >= half:
+            median = length
+            break
+    near = sum(n for length, n in gaps.gaps.items() if abs(length - median) <= 0.5 * median)
+    if median == 0 or near < 0.6 * total:
+        return None
+    missing = sum(n * (round(length / median) - 1) for length, n in gaps.gaps.items() if length > 1.5 * median)
+    return Cycle(address[0], address[1], gaps.frames, median * 1e-4, missing, max(gaps.gaps) * 1e-4)
