@@ -1,0 +1,201 @@
+"""DBC files: beside the configuration, or inside an installed package (`pkg:opendbc/...`).
+
+Real DBC files are often not quite right. What can be read safely is read, and a warning says
+what was let pass; what can't is an InputError with cantools' own words.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+import re
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import cantools
+from cantools.database.can import Database
+
+from dsz_daemon.errors import ConfigError, Fault, InputError
+
+# Formats of cantools by suffix; whatever else a file is called, it is taken for a DBC.
+_FORMATS = {".kcd": "kcd", ".sym": "sym", ".arxml": "arxml"}
+# opendbc composes its files: a line names another of the same folder, whose text belongs to it.
+_IMPORT = re.compile(r'^CM_ "IMPORT (?P<file>[^"]+)";[ \t]*\r?$', re.MULTILINE)
+_MESSAGE_ID = re.compile(r"^(?P<key>BO_|SIG_VALTYPE_|SG_MUL_VAL_) (?P<id>\d+) (?P<name>\w*)")
+_SIGNAL = re.compile(r"^\s+SG_ (?P<name>\w+)")
+_WHOLE_SIGNAL = re.compile(r"^\s+SG_ .+:.+\(.+\)\s*\[.*\]\s*\".*\"\s*\S+")
+_BARE_FRACTION = re.compile(r"(?<=[(,\[|])\.(?=\d)")
+_EXTENDED = 1 << 31
+_LARGEST_STANDARD, _LARGEST_EXTENDED = 0x7FF, 0x1FFF_FFFF
+
+
+class LoadedDbc(NamedTuple):
+    """A database, the name it was asked for by, its file, and what was let pass in it."""
+
+    name: str
+    path: Path
+    database: Database
+    warnings: tuple[str, ...] = ()
+
+
+def load_dbc(name: str, base: Path) -> LoadedDbc:
+    """Load `name`, relative to the folder `base`, or `pkg:PACKAGE/FILE`.
+
+    ConfigError when there is no such file or package, InputError when it can't be read.
+    """
+    path = locate_dbc(name, base)
+    text = _text(name, path)
+    last = text.rstrip().splitlines()[-1]
+    # cantools passes over a signal that a cut file ends in.
+    if _SIGNAL.match(last) and not _WHOLE_SIGNAL.match(last):
+        raise InputError(f"{name}: is cut short: it ends in {last.strip()!r}")
+    database, warnings = _parsed(name, text, _FORMATS.get(path.suffix.lower(), "dbc"))
+    if not database.messages:
+        raise InputError(f"{name}: has no messages; expected a DBC file")
+    return LoadedDbc(name, path, database, warnings)
+
+
+def locate_dbc(name: str, base: Path) -> Path:
+    """The file that `name` means; ConfigError with near misses when there is none."""
+    if name.startswith("pkg:"):
+        return _in_package(name)
+    path = base / Path(name).expanduser()
+    if path.is_dir():
+        raise _no_file(name, "is a folder; expected a DBC file")
+    if not path.exists():
+        beside = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        raise _no_file(name, f"no such file ({path}){_meant(path.name, beside)}")
+    return path
+
+
+def _in_package(name: str) -> Path:
+    package, _, inside = name.removeprefix("pkg:").partition("/")
+    parts = PurePosixPath(inside).parts
+    if not package.isidentifier() or not parts or ".." in parts:
+        raise _no_file(name, "expected pkg:PACKAGE/FILE, e.g. pkg:opendbc/dbc/hyundai_2015_ccan.dbc")
+    # Only looked up, never imported: a package's code has no business in reading a text file.
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        needs = " (needs Python below 3.13)" if package == "opendbc" else ""
+        raise _no_file(name, f"package {package!r} is not installed; pip install {package}{needs}")
+    roots = [Path(root) for root in spec.submodule_search_locations]
+    exact = [root.joinpath(*parts) for root in roots if root.joinpath(*parts).is_file()]
+    if exact:
+        return exact[0]
+    # Shorthand: the file's name alone; and opendbc's own names for the files it composes.
+    wanted = parts[-1].removesuffix(".dbc").removesuffix("_generated") + ".dbc"
+    shipped = sorted({path for root in roots for path in root.rglob("*.dbc")})
+    found = [path for path in shipped if path.name in {wanted, parts[-1]}]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        choices = ", ".join(f"pkg:{package}/{_inside(path, roots)}" for path in found)
+        raise _no_file(name, f"is ambiguous; expected one of {choices}")
+    hint = _meant(parts[-1], [path.name for path in shipped])
+    raise _no_file(name, f"package {package!r} has no such file{hint}")
+
+
+def _inside(path: Path, roots: Iterable[Path]) -> str:
+    return next(path.relative_to(root).as_posix() for root in roots if path.is_relative_to(root))
+
+
+def _meant(word: str, names: Iterable[str]) -> str:
+    close = difflib.get_close_matches(word, list(names), n=3)
+    return f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
+
+
+def _no_file(name: str, what: str) -> ConfigError:
+    return ConfigError("a DBC is not there", [Fault(name, what)])
+
+
+def _text(name: str, path: Path) -> str:
+    """The file's text with its imports; UTF-8, else cp1252 as DBC editors write it."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{name}: can't be read: {error.strerror}") from None
+    if not raw.strip():
+        raise InputError(f"{name}: is empty; expected a DBC file")
+    if b"\0" in raw:
+        raise InputError(f"{name}: is binary; expected a DBC file")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("cp1252", errors="replace")
+    imported = [_imported(name, path.parent / match["file"]) for match in _IMPORT.finditer(text)]
+    return "".join([*imported, _IMPORT.sub("", text)])
+
+
+def _imported(name: str, path: Path) -> str:
+    if not path.is_file():
+        raise InputError(f"{name}: imports {path.name!r}, which is not beside it")
+    return path.read_text(encoding="utf-8", errors="replace") + "\n"
+
+
+def _parsed(name: str, text: str, database_format: str) -> tuple[Database, tuple[str, ...]]:
+    """Strictly; else with overlapping signals; else without comments and impossible ids."""
+    try:
+        return _load(text, database_format, strict=True), ()
+    except Exception as error:  # cantools raises whatever its parser runs into
+        strict = _one_line(error)
+    try:
+        return _load(text, database_format, strict=False), (f"{name}: read leniently: {strict}",)
+    except Exception as error:
+        lenient = _one_line(error)
+    skeleton, left_out = _skeleton(text)
+    try:
+        database = _load(skeleton, database_format, strict=False)
+    except Exception:
+        raise InputError(f"{name}: can't be read: {lenient}") from None
+    warnings = [f"{name}: read without comments, value names and attributes: {lenient}"]
+    if left_out:
+        warnings.append(f"{name}: left out, for impossible ids or names: {', '.join(left_out)}")
+    return database, tuple(warnings)
+
+
+def _load(text: str, database_format: str, *, strict: bool) -> Database:
+    database = cantools.database.load_string(text, database_format=database_format, strict=strict)
+    if not isinstance(database, Database):
+        raise TypeError("describes diagnostics, not CAN messages")
+    return database
+
+
+def _skeleton(text: str) -> tuple[str, list[str]]:
+    """Messages, signals, float and multiplexing marks only; and the names of what had to go.
+
+    An id that only fits 29 bits is one, also where the file forgot to mark it so; `.25` is
+    0.25. What is wrong in a message or a signal beyond that stays wrong: guessing at bits is
+    not ours.
+    """
+    kept: list[str] = []
+    left_out: list[str] = []
+    skipping = False
+    for line in text.splitlines():
+        signal = _SIGNAL.match(line)
+        if signal is not None:
+            if signal["name"][0].isdigit():
+                left_out.append(signal["name"])
+            elif not skipping:
+                kept.append(_BARE_FRACTION.sub("0.", line))
+            continue
+        numbered = _MESSAGE_ID.match(line)
+        if numbered is None:
+            kept += [line] if line.startswith("BO_ ") else []
+            continue
+        number = int(numbered["id"])
+        wrong = _LARGEST_EXTENDED < number < _EXTENDED or numbered["name"][:1].isdigit()
+        if numbered["key"] == "BO_":
+            skipping = wrong
+            left_out += [numbered["name"]] if wrong else []
+        if not wrong:
+            marked = number | _EXTENDED if _LARGEST_STANDARD < number < _EXTENDED else number
+            kept.append(f"{line[: numbered.start('id')]}{marked}{line[numbered.end('id') :]}")
+    return "\n".join(kept) + "\n", left_out
+
+
+def _one_line(error: Exception) -> str:
+    """cantools' words without its wrapping."""
+    text = " ".join(str(error).split())
+    wrapped = re.fullmatch(r'DBC: "(?P<words>.*)"', text)
+    return wrapped["words"] if wrapped else (text or type(error).__name__)
