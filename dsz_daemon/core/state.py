@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from dsz_daemon.core import attitude, bicycle, gates, speed, stiffness, zeroing
 from dsz_daemon.core.parameters import Tuning, ZeroingTuning
@@ -59,3 +59,39 @@ def resumed(state: EstimatorState, tuning: Tuning, away_s: float) -> EstimatorSt
         accel_z=zeroing.held(state.accel_z, tuning.accel_z, away_s),
         stiffness=state.stiffness._replace(smoothed_yaw_radps=math.nan),
     )
+
+
+Plain = dict[str, Any]
+
+
+def as_plain(state: EstimatorState) -> Plain:
+    """The state as nested dictionaries of numbers, by field name: what JSON or any store can hold."""
+    return _plain(state)  # type: ignore[no-any-return]
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "_asdict"):
+        return {name: _plain(item) for name, item in value._asdict().items()}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def from_plain(plain: Plain) -> EstimatorState:
+    """The state that `as_plain` gave. Raises ValueError where a field is missing, unknown or no number."""
+    return _built(EstimatorState, plain, "state")  # type: ignore[no-any-return]
+
+
+def _built(kind: Any, plain: Any, where: str) -> Any:
+    if not hasattr(kind, "_fields"):
+        return _number_or_numbers(plain, where)
+    if not isinstance(plain, dict) or set(plain) != set(kind._fields):
+        raise ValueError(f"{where}: expected the fields {', '.join(kind._fields)}")
+    hints = get_type_hints(kind)
+    return kind(**{name: _built(hints[name], plain[name], f"{where}.{name}") for name in kind._fields})
+
+
+def _number_or_numbers(plain: Any, where: str) -> float | tuple[float, ...]:
+    if isinstance(plain, list):
+        return tuple(float(_number_or_numbers(item, where)) for item in plain)  # type: ignore[arg-type]
+    if isinstance(plain, bool) or not isinstance(plain, int | float):
+        raise ValueError(f"{where}: {plain!r} is not a number")  # noqa: TRY004 - bad data, whatever its type
+    return float(plain)

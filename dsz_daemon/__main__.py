@@ -1,0 +1,5 @@
+"""`python -m dsz_daemon` is `dsz`."""
+
+from dsz_daemon.cli import main
+
+raise SystemExit(main())

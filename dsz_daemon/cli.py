@@ -1,0 +1,209 @@
+"""The command line: parse, call one function, print. Exit codes: 0 done, 2 configuration, 3 input, 4 machine."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from dsz_daemon import __version__
+from dsz_daemon.errors import ConfigError, DszError
+
+EXIT_INTERRUPTED = 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ConfigError(f"{self.prog}: {message}; see `{self.prog} --help`")
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="dsz",
+        description="Takes the offset errors out of a vehicle's 6-axis IMU, live on CAN or over recordings.",
+    )
+    parser.add_argument("--version", action="version", version=f"dsz {__version__}")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=_Parser)
+
+    run = verbs.add_parser("run", help="the live daemon", description="The live daemon.")
+    _config(run)
+    run.add_argument(
+        "--bus",
+        action="append",
+        default=[],
+        metavar="NAME=INTERFACE:CHANNEL",
+        help="another bus than configured, e.g. can0=socketcan:vcan0; may be repeated",
+    )
+    run.add_argument("-o", "--output", type=Path, metavar="DIR", help="also write samples, log, summary and report")
+    run.add_argument("--record", type=Path, metavar="LOG", help="also record all received frames as candump text")
+    run.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    _json(run)
+    run.set_defaults(call=_run)
+
+    replay = verbs.add_parser(
+        "replay", help="the same loop over a recording", description="The same loop over a recording."
+    )
+    replay.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="one recording, in pieces in time order")
+    _config(replay)
+    replay.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="where the results go")
+    replay.add_argument("--speed", type=_positive, help="1 = real time; without it, as fast as it goes")
+    replay.add_argument(
+        "--to", metavar="BUS", help="play recording and result onto a bus: vcan0, or INTERFACE:CHANNEL (at speed 1)"
+    )
+    replay.add_argument("--truth", type=Path, metavar="FILE", help="truth.parquet of a simulation: adds the errors")
+    _json(replay)
+    replay.set_defaults(call=_replay)
+
+    simulate = verbs.add_parser(
+        "simulate",
+        help="a simulated drive: recording, configuration, DBC, truth",
+        description="Writes recording.log, its config.yaml and DBC, and truth.parquet.",
+    )
+    simulate.add_argument("scenario", metavar="SCENARIO", help="e.g. sine_steer")
+    simulate.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="where the files go")
+    simulate.add_argument("--seed", type=int, default=1, help="same seed, same bytes (default 1)")
+    _json(simulate)
+    simulate.set_defaults(call=_simulate)
+
+    check = verbs.add_parser(
+        "check",
+        help="every fault of a configuration at once",
+        description="Checks a configuration against its DBC and its own stability; every fault at once.",
+    )
+    check.add_argument("config", type=Path, metavar="CONFIG")
+    _json(check)
+    check.set_defaults(call=_check)
+
+    demo = verbs.add_parser(
+        "demo",
+        help="simulated car -> virtual CAN -> daemon -> table and report",
+        description="Simulates a drive, plays it onto a virtual CAN bus, runs the live daemon on it, reports.",
+    )
+    demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), metavar="DIR", help="default out/demo")
+    demo.add_argument("--scenario", default="sine_steer", help="default sine_steer")
+    demo.add_argument("--seed", type=int, default=1)
+    demo.add_argument("--speed", type=_positive, default=5.0, help="times real time (default 5)")
+    _json(demo)
+    demo.set_defaults(call=_demo)
+    return parser
+
+
+def _config(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-c", "--config", type=Path, required=True, metavar="CONFIG", help="configuration (YAML)")
+
+
+def _json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON to standard output")
+
+
+def _show(arguments: argparse.Namespace, summary: dict[str, Any], words: Callable[[], None]) -> int:
+    """Prints the summary, as JSON or in words."""
+    if arguments.json:
+        from dsz_daemon.runs.summary import finite
+
+        print(json.dumps(finite(summary), indent=2))
+    else:
+        words()
+    return EXIT_INTERRUPTED if summary.get("source", {}).get("interrupted") else 0
+
+
+# Each verb imports what it needs when it is called: `dsz --help` stays quick, and the vehicle
+# needs nothing of the desk.
+def _run(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import live, screen, setup
+
+    prepared = setup.set_up(arguments.config, arguments.bus)
+    screen.print_warnings(prepared.checked.warnings, prepared.checked.notes)
+    options = live.LiveOptions(arguments.record, arguments.output, arguments.duration)
+    summary = live.Live(prepared, options).run()
+    return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import screen
+    from dsz_daemon.runs.replay import replay
+
+    with screen.progress("replay", arguments.json) as progress:
+        summary = replay(
+            arguments.logs,
+            arguments.config,
+            arguments.output,
+            arguments.speed,
+            arguments.to,
+            progress,
+            arguments.truth,
+        )
+    return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
+
+
+def _simulate(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import screen
+    from dsz_daemon.runs.simulate import simulate
+
+    with screen.progress("simulate", arguments.json) as progress:
+        summary = simulate(arguments.scenario, arguments.output, arguments.seed, progress)
+    return _show(arguments, summary, lambda: screen.print_simulation(summary))
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import screen, setup
+
+    prepared = setup.set_up(arguments.config)
+    checked = prepared.checked
+    summary = {
+        "config": str(arguments.config),
+        "roles": sorted(prepared.roles),
+        "warnings": list(checked.warnings),
+        "notes": list(checked.notes),
+        "settings": prepared.settings.model_dump(mode="json"),
+    }
+
+    def words() -> None:
+        print(f"{arguments.config}: good; {len(prepared.roles)} signals mapped: {', '.join(sorted(prepared.roles))}")
+        screen.print_warnings(checked.warnings, checked.notes, to_stdout=True)
+
+    return _show(arguments, summary, words)
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import screen
+    from dsz_daemon.runs.demo import demo
+
+    with screen.progress("demo", arguments.json) as progress:
+        summary = demo(arguments.output, arguments.scenario, arguments.seed, arguments.speed, progress)
+    return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one verb; every failure that a user can mend is one message on standard error."""
+    try:
+        arguments = _parser().parse_args(argv)
+        return int(arguments.call(arguments))
+    except DszError as error:
+        print(f"dsz: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("dsz: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output went away (`dsz ... | head`); nothing is lost but the words.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

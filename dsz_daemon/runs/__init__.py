@@ -1,0 +1,1 @@
+"""Live, replay, simulate and the demonstration: short shells round ONE loop."""

@@ -1,0 +1,103 @@
+"""From a configuration file to a loop, a decoder and an encoder: the same for every run."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from dsz_daemon import __version__
+from dsz_daemon.config.check import CheckResult, check_configuration
+from dsz_daemon.config.load import override_bus
+from dsz_daemon.config.settings import BusSettings, Settings
+from dsz_daemon.config.stability_check import stability_faults
+from dsz_daemon.core.state import EstimatorState
+from dsz_daemon.edge.dbc import load_dbc
+from dsz_daemon.errors import ConfigError
+from dsz_daemon.pipeline.decode import Decoder
+from dsz_daemon.pipeline.encode import Encoder
+from dsz_daemon.pipeline.loop import Loop, LoopSettings
+from dsz_daemon.pipeline.plausibility import Plausibility
+from dsz_daemon.shipped import shipped
+from dsz_daemon.signals import IMU_CHANNELS
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A checked configuration, ready to run."""
+
+    path: Path
+    settings: Settings
+    checked: CheckResult
+
+    @property
+    def roles(self) -> frozenset[str]:
+        """All mapped roles."""
+        return frozenset(source.role for source in self.checked.resolved.sources)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The mapped IMU channels in the vocabulary's order."""
+        return tuple(name for name in IMU_CHANNELS if name in self.roles)
+
+    @property
+    def output_bus(self) -> str:
+        """The bus that compensated frames go to: the configured one, else the first."""
+        return self.settings.output.bus or next(iter(self.settings.buses))
+
+    def on_buses(self, buses: dict[str, BusSettings]) -> Setup:
+        """The same on other buses."""
+        return replace(self, settings=self.settings.model_copy(update={"bus": buses}))
+
+    def encoder(self) -> Encoder:
+        """An encoder for the configured ids, cycles and bus."""
+        output, rate_hz = self.settings.output, self.settings.loop.rate_hz
+        return Encoder(
+            load_dbc(str(shipped("dbc/dsz.dbc")), Path()).database,
+            base_id=output.base_id,
+            extended=output.extended,
+            channel=self.output_bus,
+            e2e_data_id=output.e2e_data_id,
+            period_ticks=max(1, round(output.cycle_s * rate_hz)),
+            status_period_ticks=max(1, round(output.status_cycle_s * rate_hz)),
+        )
+
+    def decoder(self, encoder: Encoder) -> Decoder:
+        """A decoder for the mapped signals, deaf to what we publish ourselves."""
+        resolved = self.checked.resolved
+        return Decoder(resolved.sources, resolved.messages, excluded_ids=encoder.published_ids)
+
+    def loop(self, decoder: Decoder, estimator: EstimatorState | None = None) -> Loop:
+        """The loop over that decoder; `estimator` resumes what was learnt before."""
+        chosen, vehicle = self.settings.loop, self.settings.vehicle
+        settings = LoopSettings(
+            chosen.rate_hz, chosen.stale_after_s, chosen.gap_s, chosen.clock_step_s, vehicle.steering_ratio
+        )
+        tuning = self.settings.estimator.tuning()
+        return Loop(vehicle.car(), tuning, settings, decoder, self.roles, estimator)
+
+    def plausibility(self) -> Plausibility:
+        """The watch over signs, units and axes."""
+        return Plausibility(self.settings.vehicle.car(), 1.0 / self.settings.loop.rate_hz)
+
+
+def set_up(config: Path, buses: Sequence[str] = ()) -> Setup:
+    """Reads and checks the configuration; every fault at once as one ConfigError."""
+    checked = check_configuration(config, extra_checks=(stability_faults,))
+    settings = override_bus(checked.settings, buses) if buses else checked.settings
+    setup = Setup(config, settings, checked)
+    if setup.output_bus not in settings.buses:
+        known = ", ".join(settings.buses)
+        raise ConfigError(f"{config}: output.bus: there is no bus {setup.output_bus!r}; expected one of {known}")
+    return setup
+
+
+def versions() -> dict[str, Any]:
+    """What ran: this project, Python and the libraries that results depend on."""
+    found: dict[str, Any] = {"dsz-daemon": __version__, "python": platform.python_version()}
+    for name in ("python-can", "cantools", "numpy", "pydantic", "autosar-e2e"):
+        found[name] = metadata.version(name)
+    return found

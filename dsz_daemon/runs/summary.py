@@ -1,0 +1,234 @@
+"""What a run comes to: `summary.json`, gathered row by row."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dsz_daemon.errors import MachineError
+from dsz_daemon.pipeline.cycles import Cycle, CycleWatch
+from dsz_daemon.pipeline.decode import DecodeCounters
+from dsz_daemon.pipeline.plausibility import Plausibility
+from dsz_daemon.pipeline.rows import Row
+from dsz_daemon.runs.setup import Setup, versions
+from dsz_daemon.signals import IMU_CHANNELS, QUANTITIES, REFERENCE_OF
+
+
+@dataclass
+class _Mean:
+    n: int = 0
+    total: float = 0.0
+
+    def add(self, value: float) -> None:
+        if not math.isnan(value):
+            self.n += 1
+            self.total += value
+
+    @property
+    def value(self) -> float | None:
+        return self.total / self.n if self.n else None
+
+
+@dataclass
+class _Channel:
+    raw: _Mean = field(default_factory=_Mean)
+    compensated: _Mean = field(default_factory=_Mean)
+    # Against another unit's reading of the same quantity, over the rows that have all three.
+    shared_raw: _Mean = field(default_factory=_Mean)
+    shared_compensated: _Mean = field(default_factory=_Mean)
+    reference: _Mean = field(default_factory=_Mean)
+    states: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    open_rows: int = 0
+    converged_after_s: float | None = None
+
+
+class RunSummary:
+    """Takes every row; `result` is the whole of `summary.json`."""
+
+    def __init__(self, setup: Setup, plausibility: Plausibility) -> None:
+        self._setup, self._plausibility = setup, plausibility
+        self._channels = {name: _Channel() for name in setup.channels}
+        self._ages_ms: dict[str, Counter[int]] = {}
+        self.rows = 0
+        self._first_ns = self._last_ns = 0
+        self._last: Row | None = None
+        self.events: list[dict[str, Any]] = []
+
+    def add(self, row: Row) -> None:
+        """Takes one row into account."""
+        if self.rows == 0:
+            self._first_ns = row.t_ns
+        self.rows += 1
+        self._last_ns, self._last = row.t_ns, row
+        if row.event not in {"", "start"} and len(self.events) < 1000:
+            self.events.append({"time_s": row.t_ns * 1e-9, "event": row.event})
+        self._plausibility.watch(row)
+        for name, channel in self._channels.items():
+            self._add_channel(name, channel, row)
+        for role, age_s in row.ages_s.items():
+            self._ages_ms.setdefault(role, Counter())[round(age_s * 1000.0)] += 1
+
+    def _add_channel(self, name: str, channel: _Channel, row: Row) -> None:
+        output = getattr(row.output, name)
+        channel.raw.add(output.raw)
+        channel.compensated.add(output.compensated)
+        channel.states[output.state.name.lower()] += 1
+        channel.open_rows += output.gate
+        if not output.gate:
+            channel.reasons[output.reason.name.lower()] += 1
+        if channel.converged_after_s is None and output.state.name == "CONVERGED":
+            channel.converged_after_s = (row.t_ns - self._first_ns) * 1e-9
+        reference = row.inputs.get(REFERENCE_OF[name], math.nan)
+        if not math.isnan(reference + output.compensated):
+            channel.reference.add(reference)
+            channel.shared_raw.add(output.raw)
+            channel.shared_compensated.add(output.compensated)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first row to the last."""
+        return (self._last_ns - self._first_ns) * 1e-9
+
+    def _channel_result(self, name: str) -> dict[str, Any]:
+        channel = self._channels[name]
+        output = getattr(self._last.output, name) if self._last else None
+        rows = max(1, self.rows)
+        result: dict[str, Any] = {
+            "unit": QUANTITIES[name].si_unit,
+            "offset": output.offset if output else None,
+            "offset_std": output.offset_std if output else None,
+            "state": output.state.name.lower() if output else "invalid",
+            "reason": output.reason.name.lower() if output else "no_rows",
+            "raw_mean": channel.raw.value,
+            "compensated_mean": channel.compensated.value,
+            "learning_share": channel.open_rows / rows,
+            "held_because": dict(channel.reasons.most_common()),
+            "state_rows": dict(channel.states),
+            "converged_after_s": channel.converged_after_s,
+        }
+        if channel.reference.n:
+            result["reference"] = {
+                "role": REFERENCE_OF[name],
+                "rows": channel.reference.n,
+                "raw_mean": channel.shared_raw.value,
+                "compensated_mean": channel.shared_compensated.value,
+                "reference_mean": channel.reference.value,
+            }
+        return result
+
+    def result(
+        self,
+        decoded: DecodeCounters,
+        cycles: CycleWatch,
+        published: Mapping[str, Any],
+        source: Mapping[str, Any],
+        missed_ticks: int = 0,
+    ) -> dict[str, Any]:
+        """The whole summary; `source` says where the frames came from, `published` where they went."""
+        steady = cycles.cycles()
+        last = self._last.counters if self._last else None
+        setup = self._setup
+        counts: dict[str, Any] = {
+            "frames": decoded.frames,
+            "samples": decoded.samples,
+            "rejected": decoded.rejected,
+            "missed": missed_ticks,
+            "gaps": last.gaps if last else 0,
+            "clock_steps": last.clock_steps if last else 0,
+            "unwanted": decoded.unwanted,
+            "own": decoded.own,
+            "remote": decoded.remote,
+            "error_frames": decoded.error_frames,
+            "ambiguous": decoded.ambiguous,
+            "lost_on_the_way": sum(cycle.missing for cycle in steady),
+            "roles": {
+                role: {
+                    "samples": role_counts.samples,
+                    "short": role_counts.short,
+                    "not_present": role_counts.not_present,
+                    "flagged": role_counts.flagged,
+                    "not_a_number": role_counts.not_a_number,
+                    "out_of_range": role_counts.out_of_range,
+                }
+                for role, role_counts in decoded.roles.items()
+            },
+        }
+        return {
+            "config": setup.path.name,
+            "duration_s": self.duration_s,
+            "rows": self.rows,
+            "first_time_s": self._first_ns * 1e-9,
+            "channels": {name: self._channel_result(name) for name in IMU_CHANNELS if name in self._channels},
+            "counts": counts,
+            "events": self.events,
+            "warnings": [*setup.checked.warnings, *self._findings(decoded), *_lost(steady, bursts=True)],
+            "notes": [*setup.checked.notes, *_lost(steady, bursts=False)],
+            "cycles": [asdict(cycle) for cycle in steady],
+            "median_age_s": {role: _median(ages) / 1000.0 for role, ages in self._ages_ms.items()},
+            "source": dict(source),
+            "published": dict(published),
+            "versions": versions(),
+            "settings": setup.settings.model_dump(mode="json"),
+        }
+
+    def _findings(self, decoded: DecodeCounters) -> list[str]:
+        words = self._plausibility.findings()
+        for role in sorted(self._setup.roles):
+            counts = decoded.roles[role]
+            if counts.samples == 0:
+                seen = f"{counts.rejected} values, all refused" if counts.rejected else "no frame of it"
+                words.append(f"{role}: mapped, but never received ({seen})")
+            elif counts.rejected > 0.01 * counts.samples:
+                words.append(
+                    f"{role}: {counts.rejected} of {counts.rejected + counts.samples} values refused "
+                    f"(short {counts.short}, flagged {counts.flagged}, NaN {counts.not_a_number}, "
+                    f"out of range {counts.out_of_range})"
+                )
+        return words
+
+
+# Some cars skip single frames as a rule: that is a note. Longer holes are a warning.
+_BURST_CYCLES = 3.0
+
+
+def _lost(cycles: list[Cycle], bursts: bool) -> list[str]:
+    return [
+        f"{cycle.channel} {cycle.can_id:03X}: {cycle.missing} frames ({100.0 * cycle.missing_share:.1f} %) are missing "
+        f"from its cycle of {1000.0 * cycle.cycle_s:.1f} ms (longest gap {cycle.longest_gap_s:.2f} s)"
+        for cycle in cycles
+        if cycle.missing_share > 0.01 and (cycle.longest_gap_s > _BURST_CYCLES * cycle.cycle_s) == bursts
+    ]
+
+
+def _median(histogram: Counter[int]) -> float:
+    half, seen = sum(histogram.values()) / 2.0, 0
+    for value in sorted(histogram):
+        seen += histogram[value]
+        if seen >= half:
+            return float(value)
+    return math.nan
+
+
+def write_json(content: Mapping[str, Any], path: Path) -> None:
+    """Writes JSON that any parser reads: numbers that are not finite become null."""
+    try:
+        path.write_text(json.dumps(finite(content), indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise MachineError(f"{path}: can't write: {error.strerror or error}") from error
+
+
+def finite(value: Any) -> Any:
+    """The same content with numbers that are not finite as None (JSON has no NaN)."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
