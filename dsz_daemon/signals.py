@@ -53,10 +53,7 @@ def _quantities() -> dict[str, Quantity]:
     )
     forces = ("specific force forward", "specific force to the left", "specific force up, +g at rest")
     # 35 rad/s = 2000 deg/s: the widest range of any consumer gyro; 16 g likewise.
-    rows += [
-        Quantity(n, "rad/s", "radps", _RATE, -35.0, 35.0, m)
-        for n, m in zip(GYRO_CHANNELS, rates, strict=True)
-    ]
+    rows += [Quantity(n, "rad/s", "radps", _RATE, -35.0, 35.0, m) for n, m in zip(GYRO_CHANNELS, rates, strict=True)]
     rows += [
         Quantity(n, "m/s^2", "mps2", _ACCELERATION, -160.0, 160.0, m)
         for n, m in zip(ACCEL_CHANNELS, forces, strict=True)
@@ -64,8 +61,7 @@ def _quantities() -> dict[str, Quantity]:
     # 120 m/s = 432 km/h; negative where a car's sensors tell the direction.
     speed_units = _SPEED | WHEEL_ROTATION_UNITS
     rows += [
-        Quantity(n, "m/s", "mps", speed_units, -30.0, 120.0, f"speed of the {n[-2:]} wheel's rim")
-        for n in WHEEL_SPEEDS
+        Quantity(n, "m/s", "mps", speed_units, -30.0, 120.0, f"speed of the {n[-2:]} wheel's rim") for n in WHEEL_SPEEDS
     ]
     rows += [
         Quantity(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import can
+
+from dsz_daemon.config.nearest import did_you_mean
 from dsz_daemon.config.settings import Settings
 from dsz_daemon.config.vehicle import VehicleSettings
 from dsz_daemon.signals import ACCEL_CHANNELS, IMU_CHANNELS, WHEEL_SPEEDS
@@ -9,7 +12,7 @@ from dsz_daemon.signals import ACCEL_CHANNELS, IMU_CHANNELS, WHEEL_SPEEDS
 
 def warnings_of(settings: Settings) -> list[str]:
     """What is most likely not meant."""
-    return [*_some_wheels(settings), *_inertia(settings.vehicle)]
+    return [*_some_wheels(settings), *_inertia(settings.vehicle), *_interfaces(settings)]
 
 
 def _some_wheels(settings: Settings) -> list[str]:
@@ -34,6 +37,16 @@ def _inertia(vehicle: VehicleSettings) -> list[str]:
     return [
         f"vehicle.yaw_inertia_kgm2: {vehicle.yaw_inertia_kgm2:g} is unusual for this mass and wheelbase; "
         f"most cars have about mass * cg_to_front * cg_to_rear = {usual:.0f}"
+    ]
+
+
+def _interfaces(settings: Settings) -> list[str]:
+    """An interface may come with a plugin that only the vehicle has: no fault, but most likely a slip."""
+    return [
+        f"bus.{name}.interface: {bus.interface!r} is not known to python-can here"
+        f"{did_you_mean(bus.interface, can.VALID_INTERFACES)}"
+        for name, bus in settings.bus.items()
+        if bus.interface not in can.VALID_INTERFACES
     ]
 
 

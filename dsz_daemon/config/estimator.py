@@ -32,14 +32,15 @@ class ZeroingSettings(_Section):
 
     window_s: Annotated[float, Field(ge=1, le=36000)]
     noise_density: Annotated[float, Field(gt=0, le=1e4)]
-    look_std: Annotated[float, Field(gt=0, le=100)]
     noise_blocks: Annotated[float, Field(ge=1, le=1e6)]
     drift_density: Annotated[float, Field(ge=0, le=1)]
     floor_std: Annotated[float, Field(ge=0, le=10)]
     prior_std: Annotated[float, Field(gt=0, le=100)]
     goal_std: Annotated[float, Field(gt=0, le=100)]
     largest_offset: Annotated[float, Field(gt=0, le=100)]
-    standstill_weight: Annotated[float, Field(ge=1, le=1e4)] = 1.0
+    start_density: Annotated[float, Field(ge=0, le=1e4)] = 0.0
+    start_s: Annotated[float, Field(gt=0, le=600)] = 2.0
+    standstill_density: Annotated[float, Field(gt=0, le=1e4)] = 0.01
     gain_limit_per_s: Annotated[float, Field(gt=0, le=1000)] = 50.0
 
     def law(self, to_si: float) -> ZeroingTuning:
@@ -48,47 +49,49 @@ class ZeroingSettings(_Section):
             window_s=self.window_s,
             gain_limit_per_s=self.gain_limit_per_s,
             noise_density=self.noise_density * to_si**2,
-            look_std=self.look_std * to_si,
             noise_blocks=self.noise_blocks,
+            start_density=self.start_density * to_si**2,
+            start_s=self.start_s,
+            standstill_density=self.standstill_density * to_si**2,
             drift_density=self.drift_density * to_si**2,
             floor_std=self.floor_std * to_si,
             prior_std=self.prior_std * to_si,
             goal_std=self.goal_std * to_si,
             largest_offset=self.largest_offset * to_si,
-            standstill_weight=self.standstill_weight,
         )
 
 
-# Roll and pitch angle stay within ~1.5 deg rms on roads, so over T seconds their rates' mean is
-# about sqrt(2) 1.5 deg / T; as a density that meets it at T = 60 s: 0.075 deg^2/s. Drift: a
-# gyro moves some 0.05 deg/s in 10 min of warming up. A single look scatters by 1 deg/s.
+# Roll and pitch angle stay within ~1.5 deg rms on roads, so over T seconds their rates' mean is about
+# sqrt(2) 1.5 deg / T: 0.075 deg^2 s meets it at T = 60 s; the first seconds hold one change of angle, whose
+# (2.1 deg)^2 are spread over 2 s. Drift: a gyro moves some 0.05 deg/s in 10 min of warming up. At rest:
+# 0.03 deg/s/sqrt(Hz) (Table 1) is 0.0005 deg^2 s; people get in and engines shake, hence ten times that.
 # Prior: null +-3 deg/s (Table 1).
 _ROLL_PITCH_RATE = ZeroingSettings(
-    window_s=120, noise_density=0.075, look_std=1.0, noise_blocks=10, drift_density=4e-6, floor_std=0.01,
-    prior_std=3.0, goal_std=0.1, largest_offset=10, standstill_weight=20,
+    window_s=120, noise_density=0.075, noise_blocks=10, start_density=2.2, standstill_density=0.005,
+    drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30,
 )  # fmt: skip
-# Inside the steering gate the car still follows gentle curves: ~0.4 deg/s rms, correlated over ~3 s.
+# Inside the steering gate the car still follows gentle curves: some 0.5 deg/s rms, correlated over ~3 s.
 # What was really seen outvotes this after a few blocks.
 _YAW_RATE = ZeroingSettings(
-    window_s=150, noise_density=0.5, look_std=0.5, noise_blocks=4, drift_density=4e-6, floor_std=0.01,
-    prior_std=3.0, goal_std=0.1, largest_offset=10, standstill_weight=50,
+    window_s=150, noise_density=1.5, noise_blocks=2, standstill_density=0.005,
+    drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30,
 )  # fmt: skip
 # Grade 1.5 deg rms over 300 m and bank 1.5 deg rms over 200 m at 15 m/s, as long-run densities
 # (g sigma)^2 2 L / v. A calm stretch says little about the next hill: hence 60 blocks. Floors: the
 # net climb of a drive; the crossfall (some 0.6 deg) that drains every road to the same side.
 # Prior: +-25 mg and +-1 deg (Table 2) and the mount. Drift: 0.1 m/s^2 an hour with temperature.
 _LONGITUDINAL = ZeroingSettings(
-    window_s=300, noise_density=2.6, look_std=0.26, noise_blocks=60, drift_density=3e-6, floor_std=0.05,
-    prior_std=1.0, goal_std=0.15, largest_offset=2.5,
+    window_s=300, noise_density=2.6, noise_blocks=60, drift_density=3e-6, floor_std=0.05,
+    prior_std=1.0, goal_std=0.2, largest_offset=6,
 )  # fmt: skip
 _LATERAL = ZeroingSettings(
-    window_s=300, noise_density=1.8, look_std=0.26, noise_blocks=60, drift_density=3e-6, floor_std=0.1,
-    prior_std=1.0, goal_std=0.2, largest_offset=2.5, gain_limit_per_s=1.0,
+    window_s=300, noise_density=1.8, noise_blocks=60, drift_density=3e-6, floor_std=0.1,
+    prior_std=1.0, goal_std=0.2, largest_offset=6, gain_limit_per_s=1.0,
 )  # fmt: skip
 # g cos(slope) loses 0.03 m/s^2 at 4.5 deg; heave averages out within seconds.
 _VERTICAL = ZeroingSettings(
-    window_s=120, noise_density=0.02, look_std=0.1, noise_blocks=10, drift_density=3e-6, floor_std=0.03,
-    prior_std=1.0, goal_std=0.1, largest_offset=2.5,
+    window_s=120, noise_density=0.02, noise_blocks=10, drift_density=3e-6, floor_std=0.03,
+    prior_std=1.0, goal_std=0.1, largest_offset=6,
 )  # fmt: skip
 
 
@@ -131,7 +134,12 @@ class GateSettings(_Section):
 class ObserverSettings(_Section):
     """(6)-(8)."""
 
-    pole_per_s: float = _number(-5.0, -100, -0.1, "p_o < 0: settles within 1 s, below the yaw rate's noise")
+    pole_per_s: float = _number(
+        -10.0,
+        -100,
+        -0.1,
+        "p_o < 0: settles within 0.5 s. An a_y offset b shows in r^ as b/(v (1 + K1)), and 1 + K1 ~ p_o^2",
+    )
     min_speed_mps: float = _number(3.0, 0.5, 20, "below, rolling kinematics: (1) divides by v")
     neutral_steer_margin: float = _number(
         0.05, 0.001, 0.5, "K4 divides by C_f l_f - C_r l_r: switched off (with K2) below this share"

@@ -19,12 +19,12 @@ SIGNALS = 7
 
 
 class TransientState(NamedTuple):
-    """Per signal: smoothed value, window mean and window mean square; v_car's last."""
+    """Per signal: smoothed value, window mean and window mean square, time seen; v_car's last."""
 
     smoothed: tuple[float, ...] = (math.nan,) * (SIGNALS + 1)
     mean: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
     square: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
-    filled_s: float = 0.0
+    filled_s: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
 
 
 def _smoothed(old: float, x: float, tuning: Tuning, dt_s: float) -> float:
@@ -34,19 +34,20 @@ def _smoothed(old: float, x: float, tuning: Tuning, dt_s: float) -> float:
 def watched(state: TransientState, signals: tuple[float, ...], tuning: Tuning, dt_s: float) -> TransientState:
     """One step of the windows over (p, q, r, a_x, a_y, a_z, delta_f, v_car); NaN leaves its own still."""
     smoothed = list(state.smoothed)
-    mean, square = list(state.mean), list(state.square)
+    mean, square, filled = list(state.mean), list(state.square), list(state.filled_s)
     for i, x in enumerate(signals):
         if math.isnan(x):
+            filled[i] = 0.0
             continue
         fresh = math.isnan(smoothed[i])
         smoothed[i] = _smoothed(smoothed[i], x, tuning, dt_s)
+        filled[i] = min(filled[i] + dt_s, 1e6)
         if fresh:
             mean[i], square[i] = x, x * x
             continue
         mean[i] = relaxed(mean[i], smoothed[i], tuning.tau_window_s, dt_s)
         square[i] = relaxed(square[i], smoothed[i] ** 2, tuning.tau_window_s, dt_s)
-    filled = min(state.filled_s + dt_s, 1e6)
-    return TransientState(tuple(smoothed), tuple(mean), tuple(square), filled)
+    return TransientState(tuple(smoothed), tuple(mean), tuple(square), tuple(filled))
 
 
 def window_variance(state: TransientState, i: int) -> float:
@@ -72,8 +73,9 @@ def speed_variance(state: TransientState) -> float:
 
 
 def settled(state: TransientState, tuning: Tuning) -> bool:
-    """Whether the windows have filled: before that their variance means nothing."""
-    return state.filled_s >= 2.0 * tuning.tau_window_s
+    """Whether the windows of all signals that are there have filled: before that their variance means nothing."""
+    seen = [filled for filled in state.filled_s if filled > 0.0]
+    return bool(seen) and min(seen) >= 2.0 * tuning.tau_window_s
 
 
 def yaw_gate(delta: float, standstill: bool, tuning: Tuning) -> Reason:
@@ -97,7 +99,7 @@ def longitudinal_gate(state: TransientState, v: float, valid: bool, slip: bool, 
     if not valid:
         return Reason.NO_SPEED
     if v < tuning.x_min_speed_mps:
-        return Reason.TOO_SLOW
+        return Reason.REVERSING if v < -tuning.standstill_speed_mps else Reason.TOO_SLOW
     if slip:
         return Reason.WHEELS_SLIP
     if not settled(state, tuning):
@@ -117,7 +119,7 @@ def lateral_gate(
     if not valid:
         return Reason.NO_SPEED
     if v <= tuning.c3_mps:
-        return Reason.TOO_SLOW
+        return Reason.REVERSING if v < -tuning.standstill_speed_mps else Reason.TOO_SLOW
     if math.isnan(delta) or math.isnan(r):
         return Reason.NO_STEERING
     if not settled(state, tuning) or yaw_std > tuning.yaw_first_std_radps:

@@ -64,7 +64,7 @@ def moved(
         r=r,
         delta=delta,
         v=new.speed_mps,
-        v_rate=speed.acceleration(new, tuning),
+        v_rate=new.rate_mps2,
         speed_valid=new.valid != 0.0,
         standstill=speed.at_standstill(new, tuning),
         slip=not speed.wheels_agree(corners, tuning),

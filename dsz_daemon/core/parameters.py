@@ -34,25 +34,25 @@ class Car(NamedTuple):
 class ZeroingTuning(NamedTuple):
     """One channel's zeroing law, (11)-(15) and (24)-(28).
 
-    `window_s` is 1/gamma. `noise_density` is what the law averages away while driving
-    (long-run spectral density of target minus offset, unit^2 s), `look_std` how far off a single
-    look may be (the road's or driving's own scatter), `noise_blocks` how many blocks of observed
-    scatter it takes to outvote the density. `drift_density` is the offset's random
-    walk (unit^2/s), `floor_std` what no averaging removes, `prior_std` the data sheet's word
-    before anything was learnt. One second at a standstill counts `standstill_weight` seconds.
+    `window_s` is the printed law's 1/gamma. Densities are long-run spectral densities (unit^2 s) of
+    target minus offset: `noise_density` while driving, `start_density` more of it at first (fading
+    over `start_s`), `standstill_density` at rest; `noise_blocks` is how many blocks of observed scatter
+    it takes to outvote the first. `drift_density` is the offset's random walk (unit^2/s), `floor_std`
+    what no averaging removes, `prior_std` the data sheet's word before anything was learnt.
     """
 
     window_s: float
     gain_limit_per_s: float
     noise_density: float
-    look_std: float
     noise_blocks: float
+    start_density: float
+    start_s: float
+    standstill_density: float
     drift_density: float
     floor_std: float
     prior_std: float
     goal_std: float
     largest_offset: float
-    standstill_weight: float
 
 
 class Tuning(NamedTuple):

@@ -13,16 +13,19 @@ from dsz_daemon.core.linear import relaxed
 from dsz_daemon.core.parameters import Car, Inputs, Tuning
 
 NAN = math.nan
+# A tilted mount (10 deg) and a wheel that rolls: less than this and a wrong a_x could hold v_car for good.
+_WHEELS_ALLOWED_MPS2 = 1.0
 
 
 class SpeedState(NamedTuple):
-    """Reference speed (m/s), its smoothed copy (for v'), seconds at rest, and slip seen.
+    """Reference speed (m/s), its smoothed copy and that copy's rate (v'), seconds at rest.
 
     `valid` is 0 until wheels have been seen, and after they are lost.
     """
 
     speed_mps: float = 0.0
     smoothed_mps: float = 0.0
+    rate_mps2: float = 0.0
     rest_s: float = 0.0
     valid: float = 0.0
 
@@ -102,12 +105,13 @@ def wheels_agree(corners: Corners, tuning: Tuning) -> bool:
 def limited_speed(previous: float, wanted: float, ax: float, tuning: Tuning, dt_s: float) -> float:
     """The rate limiter of 3.1: physical limits, narrowed round a_x where the IMU has one.
 
-    The margin round a_x covers its offset and the gravity of the steepest road.
+    The margin round a_x covers its offset and the gravity of the steepest road. The wheels' word is
+    always allowed some rate either way: an accelerometer that is wrong for long doesn't outvote them.
     """
     low, high = -tuning.largest_deceleration_mps2, tuning.largest_acceleration_mps2
     if not math.isnan(ax):
-        low = max(low, min(ax - tuning.imu_acceleration_margin_mps2, high))
-        high = min(high, max(ax + tuning.imu_acceleration_margin_mps2, low))
+        low = max(low, min(ax - tuning.imu_acceleration_margin_mps2, -_WHEELS_ALLOWED_MPS2))
+        high = min(high, max(ax + tuning.imu_acceleration_margin_mps2, _WHEELS_ALLOWED_MPS2))
     return min(max(wanted, previous + low * dt_s), previous + high * dt_s)
 
 
@@ -117,30 +121,34 @@ def wheels_at_rest(inputs: Inputs, limit_mps: float) -> bool:
     return bool(wheels) and all(abs(wheel) < limit_mps for wheel in wheels)
 
 
-def acceleration(state: SpeedState, tuning: Tuning) -> float:
-    """v' (m/s^2): the speed's distance from its smoothed copy over the smoothing time."""
-    return (state.speed_mps - state.smoothed_mps) / tuning.speed_smoothing_s
+def signed_wheels(inputs: Inputs) -> Inputs:
+    """The wheels with the sign of the gear: sensors that can't tell direction count up in reverse too."""
+    wheels = inputs[6:10]
+    if math.isnan(inputs.reverse) or inputs.reverse == 0.0 or any(wheel < 0.0 for wheel in wheels):
+        return inputs
+    fl, fr, rl, rr = (-wheel for wheel in wheels)
+    return inputs._replace(wheel_speed_fl=fl, wheel_speed_fr=fr, wheel_speed_rl=rl, wheel_speed_rr=rr)
 
 
 def advanced_speed(
     state: SpeedState, inputs: Inputs, corners: Corners, car: Car, ax: float, tuning: Tuning, dt_s: float
 ) -> SpeedState:
     """One step of v_car. Without any wheel the speed is not valid; it starts afresh when they return."""
-    braking = is_braking(inputs, acceleration(state, tuning), tuning.braking_threshold_mps2)
+    braking = is_braking(inputs, state.rate_mps2, tuning.braking_threshold_mps2)
     wanted = patched_speed(corners, car, braking)
     if math.isnan(wanted):
         return SpeedState()
-    if not math.isnan(inputs.reverse) and inputs.reverse != 0.0:
-        # Wheel sensors that can't tell direction count up in reverse too.
-        wanted, ax = -abs(wanted), NAN
     if state.valid == 0.0:
-        return SpeedState(wanted, wanted, 0.0, 1.0)
+        return SpeedState(wanted, wanted, valid=1.0)
     if state.speed_mps * wanted < 0.0 and abs(wanted) < 3.0:
         # Changing direction at walking pace: a sign of the gear, not an acceleration.
-        return SpeedState(wanted, wanted, 0.0, 1.0)
+        return SpeedState(wanted, wanted, valid=1.0)
     speed = limited_speed(state.speed_mps, wanted, ax, tuning, dt_s)
-    rest = state.rest_s + dt_s if wheels_at_rest(inputs, tuning.standstill_speed_mps) else 0.0
-    return SpeedState(speed, relaxed(state.smoothed_mps, speed, tuning.speed_smoothing_s, dt_s), min(rest, 3600.0), 1.0)
+    # Locked wheels stand too: the limited speed must have come down as well.
+    limit = tuning.standstill_speed_mps
+    rest = state.rest_s + dt_s if wheels_at_rest(inputs, limit) and abs(speed) < limit else 0.0
+    smoothed = relaxed(state.smoothed_mps, speed, tuning.speed_smoothing_s, dt_s)
+    return SpeedState(speed, smoothed, (smoothed - state.smoothed_mps) / dt_s, min(rest, 3600.0), 1.0)
 
 
 def at_standstill(state: SpeedState, tuning: Tuning) -> bool:

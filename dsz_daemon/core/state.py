@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple, get_type_hints
 
 from dsz_daemon.core import attitude, bicycle, gates, speed, stiffness, zeroing
-from dsz_daemon.core.parameters import Tuning, ZeroingTuning
+from dsz_daemon.core.parameters import Tuning
 from dsz_daemon.core.zeroing import ZeroingState
 
 
@@ -27,18 +27,14 @@ class EstimatorState(NamedTuple):
 
 
 def initial_state(tuning: Tuning) -> EstimatorState:
-    """Nothing learnt yet. As printed, gamma is constant from the start: the window counts as full."""
-
-    def fresh(law: ZeroingTuning) -> ZeroingState:
-        return ZeroingState(learned_s=law.window_s if tuning.as_printed else 0.0)
-
+    """Nothing learnt yet."""
     return EstimatorState(
-        gyro_x=fresh(tuning.gyro_x),
-        gyro_y=fresh(tuning.gyro_y),
-        gyro_z=fresh(tuning.gyro_z),
-        accel_x=fresh(tuning.accel_x),
-        accel_y=fresh(tuning.accel_y),
-        accel_z=fresh(tuning.accel_z),
+        gyro_x=zeroing.unlearnt(tuning.gyro_x),
+        gyro_y=zeroing.unlearnt(tuning.gyro_y),
+        gyro_z=zeroing.unlearnt(tuning.gyro_z),
+        accel_x=zeroing.unlearnt(tuning.accel_x),
+        accel_y=zeroing.unlearnt(tuning.accel_y),
+        accel_z=zeroing.unlearnt(tuning.accel_z),
         speed=speed.SpeedState(),
         observer=bicycle.ObserverState(),
         attitude=attitude.AttitudeState(),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from dsz_daemon.core import bicycle, gates, kinematics, stiffness, zeroing
+from dsz_daemon.core import bicycle, gates, kinematics, speed, stiffness, zeroing
 from dsz_daemon.core.motion import (
     Motion,
     moved,
@@ -31,6 +31,7 @@ def step(
     car: Car, tuning: Tuning, state: EstimatorState, inputs: Inputs, dt_s: float
 ) -> tuple[EstimatorState, StepOutput]:
     """One tick: the new state, and what it says. dt_s > 0 in seconds; NaN inputs are never learnt from."""
+    inputs = speed.signed_wheels(Inputs(*(x if math.isfinite(x) else NAN for x in inputs)))
     motion, speed_state = moved(car, tuning, state, inputs, dt_s)
     state, why_gyro = _zeroed_gyros(state._replace(speed=speed_state), inputs, motion, tuning, dt_s)
     motion = motion._replace(
@@ -64,7 +65,14 @@ def step(
     state, why_accel = _zeroed_accelerometers(state, inputs, motion, references, tuning, dt_s)
     state = state._replace(
         stiffness=stiffness.adapted(
-            state.stiffness, car, motion.v, motion.r, ay_road, inputs.road_wheel_angle, tuning, dt_s
+            state.stiffness,
+            car,
+            motion.v,
+            inputs.gyro_z + state.gyro_z.correction,
+            ay_road,
+            inputs.road_wheel_angle,
+            tuning,
+            dt_s,
         )
     )
     return state, _output(car, tuning, state, inputs, motion, references, (*why_gyro, *why_accel))
@@ -73,21 +81,23 @@ def step(
 def _learned(
     state: ZeroingState,
     law: ZeroingTuning,
-    target: float,
+    reading: float,
+    reference: float,
     reason: Reason,
-    weight: float,
+    standstill: bool,
     tuning: Tuning,
     dt_s: float,
     c: float = 1.0,
 ) -> tuple[ZeroingState, Reason]:
     """One channel's zeroing: open gate, believable target -> learn; else hold."""
-    if math.isnan(target):
-        return zeroing.held(state, law, dt_s), Reason.STALE if reason is Reason.NONE else reason
+    if math.isnan(reading):
+        return zeroing.held(state, law, dt_s), Reason.STALE
+    target = reference - reading
     if reason is not Reason.NONE:
         return zeroing.held(state, law, dt_s), reason
-    if abs(target) > law.largest_offset:
+    if not abs(target) <= law.largest_offset:
         return zeroing.held(state, law, dt_s), Reason.IMPLAUSIBLE
-    return zeroing.zeroed(state, target, weight, law, tuning.block_s, dt_s, c), Reason.NONE
+    return zeroing.zeroed(state, target, standstill, law, tuning.as_printed, tuning.block_s, dt_s, c), Reason.NONE
 
 
 def _zeroed_gyros(
@@ -98,8 +108,7 @@ def _zeroed_gyros(
     yaw = gates.yaw_gate(motion.delta, motion.standstill, tuning)
 
     def one(old: ZeroingState, law: ZeroingTuning, reading: float, reason: Reason) -> tuple[ZeroingState, Reason]:
-        weight = law.standstill_weight if motion.standstill and not tuning.as_printed else 1.0
-        return _learned(old, law, -reading, reason, weight, tuning, dt_s)
+        return _learned(old, law, reading, 0.0, reason, motion.standstill, tuning, dt_s)
 
     x, why_x = one(state.gyro_x, tuning.gyro_x, inputs.gyro_x, tilt)
     y, why_y = one(state.gyro_y, tuning.gyro_y, inputs.gyro_y, tilt)
@@ -124,9 +133,9 @@ def _zeroed_accelerometers(
     z_y = gates.lateral_gate(state.transient, v, valid, motion.delta, motion.r, yaw_std, tuning)
     z_z = gates.vertical_gate(state.transient, valid, tuning)
     c_y = tuning.c_y
-    x, why_x = _learned(state.accel_x, tuning.accel_x, references[0] - inputs.accel_x, z_x, 1.0, tuning, dt_s)
-    y, why_y = _learned(state.accel_y, tuning.accel_y, references[1] - inputs.accel_y, z_y, 1.0, tuning, dt_s, c_y)
-    z, why_z = _learned(state.accel_z, tuning.accel_z, references[2] - inputs.accel_z, z_z, 1.0, tuning, dt_s)
+    x, why_x = _learned(state.accel_x, tuning.accel_x, inputs.accel_x, references[0], z_x, False, tuning, dt_s)
+    y, why_y = _learned(state.accel_y, tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y)
+    z, why_z = _learned(state.accel_z, tuning.accel_z, inputs.accel_z, references[2], z_z, False, tuning, dt_s)
     return state._replace(accel_x=x, accel_y=y, accel_z=z), (why_x, why_y, why_z)
 
 
@@ -139,7 +148,7 @@ def _channel(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Re
         verdict = ChannelState.CONVERGED
     else:
         verdict = ChannelState.LEARNING if gate else ChannelState.HOLDING
-    return ChannelOutput(reading, zeroing.compensated(reading, state), -state.correction, std, verdict, gate, reason)
+    return ChannelOutput(reading, zeroing.compensated(reading, state), 0.0 - state.correction, std, verdict, gate, reason)
 
 
 def _output(

@@ -73,10 +73,14 @@ def adapted(
     )
     if not _excited(v, smooth.smoothed_ay_mps2, tuning):
         return smooth
-    front, rear = axle_side_forces(car, smooth.smoothed_ay_mps2, (r - yaw) / tau)
+    # The yaw rate's change over the step belongs to the step's middle; so must all that it is held against.
+    yaw_mid = 0.5 * (state.smoothed_yaw_radps + yaw)
+    ay_mid = 0.5 * (state.smoothed_ay_mps2 + smooth.smoothed_ay_mps2)
+    delta_mid = 0.5 * (state.smoothed_delta_rad + smooth.smoothed_delta_rad)
+    front, rear = axle_side_forces(car, ay_mid, (yaw - state.smoothed_yaw_radps) / dt_s)
     h1 = front / (2.0 * car.front_cornering_stiffness_n_per_rad)
     h2 = -rear / (2.0 * car.rear_cornering_stiffness_n_per_rad)
-    slip_difference = smooth.smoothed_delta_rad - car.wheelbase_m * yaw / v
+    slip_difference = delta_mid - car.wheelbase_m * yaw_mid / v
     return _updated(smooth, h1, h2, slip_difference, tuning.stiffness_noise_density_rad2s / dt_s, tuning)
 
 

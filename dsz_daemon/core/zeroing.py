@@ -1,10 +1,16 @@
-"""The zeroing law, (10)-(15) and (23)-(28), with the time window and an honest spread.
+"""The zeroing law, (10)-(15) and (23)-(28), with a scheduled gain and an honest spread.
 
 One law serves all six channels: e' = Z gamma (-e + c (reference - reading)), whose target is
--p*, -q*, -r* for the gyros and a_ref - a* for the accelerometers. The paper's gamma is constant;
-"with the time window" (its section 4.1) is read here as a gain of 1/(time learnt so far) that
-falls to gamma = 1/window: the plain mean at first, then forgetting. e is the correction ADDED
-to the reading; an offset is its negative.
+-p*, -q*, -r* for the gyros and a_ref - a* for the accelerometers. The paper's gamma is constant.
+Here gamma = P / S follows from how sure e is (variance P) and how far a target is off (density
+S of its slow scatter): large at first, "the time window" of the paper's section 4.1, and larger
+at a standstill, where a gyro's target is nearly exact. With the offset's own drift Q,
+
+    e' = (P/S) (target - e),    P' = Q - P^2 / S,
+
+the scalar Kalman-Bucy filter; its steady state is the paper's law with gamma = sqrt(Q/S). The
+steps below are its closed-form solution for a held target, so they compose: one step of 2 dt is
+two of dt. e is the correction ADDED to the reading; an offset is its negative.
 """
 
 from __future__ import annotations
@@ -18,21 +24,34 @@ from dsz_daemon.core.parameters import ZeroingTuning
 class ZeroingState(NamedTuple):
     """One channel's memory (its unit: rad/s or m/s^2).
 
-    `learned_s` is the time learnt within the window; `drift_variance` what the offset may have
-    walked since; the block and noise fields hold the scatter that was seen, see `noise_density`.
+    `variance` is P without the floor, `driven_s` the time learnt while driving; the block and
+    noise fields hold the scatter that was seen, see `scattered`.
     """
 
-    correction: float = 0.0
-    learned_s: float = 0.0
-    drift_variance: float = 0.0
+    correction: float
+    variance: float
+    driven_s: float = 0.0
     block_sum: float = 0.0
     block_s: float = 0.0
+    block_variance: float = 0.0
     noise_sum: float = 0.0
     noise_blocks: float = 0.0
 
 
+class Step(NamedTuple):
+    """How far e goes towards a held target (0..1), and the variance after it."""
+
+    share: float
+    variance: float
+
+
 # Scatter is remembered over about this many blocks, so that a change of road shows.
 _NOISE_MEMORY_BLOCKS = 60.0
+
+
+def unlearnt(tuning: ZeroingTuning) -> ZeroingState:
+    """Nothing learnt yet: no correction, the data sheet's spread."""
+    return ZeroingState(0.0, tuning.prior_std**2)
 
 
 def compensated(reading: float, state: ZeroingState) -> float:
@@ -40,85 +59,114 @@ def compensated(reading: float, state: ZeroingState) -> float:
     return reading + state.correction
 
 
-def window_share(learned_s: float, weight: float, tuning: ZeroingTuning, dt_s: float) -> float:
-    """How far e goes towards its target in dt_s (0..1).
+def scheduled_step(variance: float, density: float, drift: float, dt_s: float) -> Step:
+    """Closed form of P' = Q - P^2/S and of e' = (P/S)(target - e) over dt_s.
 
-    While the window fills, weight dt / (learned + weight dt) makes e the weighted mean of all
-    targets; once full, 1 - exp(-weight dt / window) is eq. (11) held over the step. Both compose.
+    With k = sqrt(Q/S) and D = cosh(k t) + (P/S) sinh(k t)/k: 1 - share = 1/D and
+    P(t) = (P cosh(k t) + Q sinh(k t)/k) / D. For Q = 0 this is the plain running mean.
     """
-    step = weight * dt_s
-    fill = min(step, max(0.0, tuning.window_s - learned_s))
-    keep = learned_s / (learned_s + fill) if learned_s + fill > 0.0 else 1.0
-    keep *= math.exp(-(step - fill) / tuning.window_s)
-    return min(1.0 - keep, -math.expm1(-tuning.gain_limit_per_s * dt_s))
+    k = math.sqrt(drift / density)
+    z = k * dt_s
+    cosh, sinh = math.cosh(z), math.sinh(z)
+    over_k = dt_s if z < 1e-9 else sinh / k
+    D = cosh + variance / density * over_k
+    return Step(1.0 - 1.0 / D, (variance * cosh + drift * over_k) / D)
+
+
+def constant_step(variance: float, density: float, drift: float, gamma: float, dt_s: float) -> Step:
+    """The paper's constant gamma over dt_s, and what that does to the variance (Lyapunov, closed form).
+
+    P' = -2 gamma P + gamma^2 S + Q.
+    """
+    share = -math.expm1(-gamma * dt_s)
+    steady = 0.5 * gamma * density + 0.5 * drift / gamma
+    return Step(share, steady + (variance - steady) * (1.0 - share) ** 2)
+
+
+def limited_step(variance: float, density: float, drift: float, limit_per_s: float, dt_s: float) -> Step:
+    """The scheduled gain, but constant at the limit for as long as P/S lies above it."""
+    least = limit_per_s * density
+    if variance <= least:
+        return scheduled_step(variance, density, drift, dt_s)
+    # P falls under the constant gain towards `steady` (below `least` unless the drift is absurd).
+    steady = constant_step(variance, density, drift, limit_per_s, math.inf).variance
+    limited_s = dt_s
+    if steady < least:
+        limited_s = min(dt_s, 0.5 * math.log((variance - steady) / (least - steady)) / limit_per_s)
+    first = constant_step(variance, density, drift, limit_per_s, limited_s)
+    then = scheduled_step(first.variance, density, drift, dt_s - limited_s)
+    return Step(1.0 - (1.0 - first.share) * (1.0 - then.share), then.variance)
 
 
 def zeroed(
     state: ZeroingState,
     target: float,
-    weight: float,
+    standstill: bool,
     tuning: ZeroingTuning,
+    constant_gain: bool,
     block_s: float,
     dt_s: float,
     c: float = 1.0,
 ) -> ZeroingState:
     """One open-gate step of (11), (13), (15), (24), (26), (28) towards `target`.
 
-    `c` is the c_y of (26): the law settles at c times the target. `weight` > 1 is a standstill.
+    `c` is the c_y of (26): the law settles at c times the target. `constant_gain` is the printed
+    law with gamma = 1/window, deaf to standstill.
     """
-    share = window_share(state.learned_s, weight, tuning, dt_s)
-    correction = state.correction + share * (c * target - state.correction)
-    learned = min(tuning.window_s, state.learned_s + weight * dt_s)
-    drift = (state.drift_variance * (1.0 - share) + tuning.drift_density * dt_s) * (1.0 - share)
-    moved = state._replace(correction=correction, learned_s=learned, drift_variance=drift)
-    return moved if weight > 1.0 else scattered(moved, target, block_s, dt_s)
+    exact = standstill and not constant_gain
+    density = tuning.standstill_density if exact else driving_density(state, tuning, dt_s)
+    drift = tuning.drift_density
+    if constant_gain:
+        step = constant_step(state.variance, density, drift, 1.0 / tuning.window_s, dt_s)
+    else:
+        step = limited_step(state.variance, density, drift, tuning.gain_limit_per_s, dt_s)
+    moved = state._replace(
+        correction=state.correction + step.share * (c * target - state.correction), variance=step.variance
+    )
+    return moved if exact else scattered(moved, state.variance, c * target, block_s, dt_s)
 
 
 def held(state: ZeroingState, tuning: ZeroingTuning, dt_s: float) -> ZeroingState:
     """One closed-gate step, Z = 0: the correction stays, its uncertainty grows (to the data sheet's)."""
-    drift = state.drift_variance + tuning.drift_density * dt_s
-    return state._replace(drift_variance=min(drift, tuning.prior_std**2))
+    grown = min(state.variance + tuning.drift_density * dt_s, tuning.prior_std**2)
+    return state._replace(variance=max(state.variance, grown))
 
 
-def scattered(state: ZeroingState, target: float, block_s: float, dt_s: float) -> ZeroingState:
-    """Adds one step to the scatter: block means against the running correction.
+def scattered(state: ZeroingState, variance_before: float, target: float, block_s: float, dt_s: float) -> ZeroingState:
+    """Adds one driving step to the scatter: means over `block_s` against the correction.
 
-    Block means keep what matters: the slow part of what is averaged (curves, bank, grade). A mean
-    that already contains the block's share b/T of the data is nearer to it by 1 - b/T; corrected.
+    Block means keep what matters: the slow part of what is averaged (curves, bank, grade). The
+    correction has already gone a share K towards the block's mean, so that the rest d has
+    E d^2 = (S/b)(1 - K); 1 - K is the ratio of the variances after and before the block.
     """
+    start = variance_before if state.block_s == 0.0 else state.block_variance
     total, length = state.block_sum + target * dt_s, state.block_s + dt_s
+    driven = state.driven_s + dt_s
     if length < block_s - 1e-9:
-        return state._replace(block_sum=total, block_s=length)
+        return state._replace(driven_s=driven, block_sum=total, block_s=length, block_variance=start)
     noise_sum, blocks = state.noise_sum, state.noise_blocks
-    if state.learned_s > length:
-        excess = total / length - state.correction
+    left = min(1.0, state.variance / start)
+    if left > 0.5:
+        rest = total / length - state.correction
         fade = 1.0 - 1.0 / _NOISE_MEMORY_BLOCKS
-        noise_sum = noise_sum * fade + length * excess * excess / (1.0 - length / state.learned_s)
+        noise_sum = noise_sum * fade + length * rest * rest / left
         blocks = blocks * fade + 1.0
-    return state._replace(block_sum=0.0, block_s=0.0, noise_sum=noise_sum, noise_blocks=blocks)
+    return state._replace(
+        driven_s=driven, block_sum=0.0, block_s=0.0, block_variance=0.0, noise_sum=noise_sum, noise_blocks=blocks
+    )
 
 
-def noise_density(state: ZeroingState, tuning: ZeroingTuning) -> float:
-    """Long-run spectral density (unit^2 s): the expected one, outvoted by the scatter seen."""
-    return (tuning.noise_blocks * tuning.noise_density + state.noise_sum) / (tuning.noise_blocks + state.noise_blocks)
+def driving_density(state: ZeroingState, tuning: ZeroingTuning, dt_s: float = 0.0) -> float:
+    """S while driving (unit^2 s): the expected one, outvoted by the scatter seen, more at the start.
 
-
-# A look is worth its full information once the sensor's own noise has averaged out, about this long.
-_LOOK_S = 1.0
-
-
-def learned_information(state: ZeroingState, tuning: ZeroingTuning) -> float:
-    """Information (1/unit^2) in what was learnt: 0 at first, one look's, then growing with time.
-
-    The mean over T of a process with density S and standard deviation s (correlation time
-    S / 2 s^2) scatters by about S / (T + S/s^2): never by more than s, however short T is.
+    A rate's mean over the first seconds is mostly a change of angle: `start_density` fades with
+    the time driven, over `start_s`; a step of dt_s takes it at its middle.
     """
-    T = state.learned_s
-    bound_s = tuning.noise_density / tuning.look_std**2
-    return T / (T + _LOOK_S) * (T + bound_s) / noise_density(state, tuning)
+    expected = tuning.noise_blocks * tuning.noise_density
+    density = (expected + state.noise_sum) / (tuning.noise_blocks + state.noise_blocks)
+    return density + tuning.start_density * math.exp(-(state.driven_s + 0.5 * dt_s) / tuning.start_s)
 
 
 def offset_std(state: ZeroingState, tuning: ZeroingTuning) -> float:
-    """Standard deviation of the offset: averaging, drift since, and what never averages out."""
-    averaging = 1.0 / (1.0 / tuning.prior_std**2 + learned_information(state, tuning))
-    return math.sqrt(averaging + state.drift_variance + tuning.floor_std**2)
+    """Standard deviation of the offset, with what never averages out."""
+    return math.sqrt(state.variance + tuning.floor_std**2)

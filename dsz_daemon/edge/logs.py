@@ -99,7 +99,8 @@ def _frames_of(
     file: RecordingFile, report: LogReport, tick: Callable[[], None], wanted: Collection[int] | None
 ) -> Generator[Frame, None, None]:
     """Frames of one piece; InputError if it has none."""
-    frames_before, cut_before, warnings_before = report.frames, report.cut_last_line, len(report.warnings)
+    frames_before, cut_before = report.frames, report.cut_last_line
+    said_before, shown_before = len(report.warnings), len(report.malformed_examples)
     kind = recording_format(file.path.name, file.head)
     if kind == "candump":
         blocks = file.blocks(tick)
@@ -112,19 +113,19 @@ def _frames_of(
         report.cut_last_line = cut_before + 1
         report.warnings.append(f"{file.path.name} is not whole: {file.damage}; read as far as that")
     if report.frames == frames_before:
-        raise InputError(_no_frame(file, kind, report.warnings[warnings_before:]))
+        raise InputError(_no_frame(file, kind, report.warnings[said_before:], report.malformed_examples[shown_before:]))
 
 
-def _no_frame(file: RecordingFile, kind: Format, said: Sequence[str]) -> str:
+def _no_frame(file: RecordingFile, kind: Format, said: list[str], malformed: list[Fault]) -> str:
     """Message for a file without a single frame: what is in it and what was expected."""
-    start = f"{file.path}: no CAN frame in it"
-    if kind in {"blf", "mf4"}:
-        return "; ".join([start, *said, f"expected CAN frames of the {kind.upper()} format"])
-    expected = f"expected {EXPECTED}, or a .asc, .blf, .trc or .mf4 recording"
-    if kind != "candump":
-        expected = f"expected lines of the {kind.upper()} format"
+    found = [f"{file.path}: no CAN frame in it"]
     offending = first_offending_line(file.head)
-    if offending is not None:
-        number, text = offending
-        start += f"; line {number} reads '{printable(text)}'"
-    return "; ".join([start, *said, expected])
+    if kind != "candump" and malformed:
+        found.append(str(malformed[0]))
+    elif kind not in {"blf", "mf4"} and offending is not None:
+        found.append(f"line {offending[0]} reads '{printable(offending[1])}'")
+    if kind == "candump":
+        expected = f"expected {EXPECTED}, or a .asc, .blf, .trc or .mf4 recording"
+    else:
+        expected = f"expected CAN frames of the {kind.upper()} format"
+    return "; ".join([*found, *said, expected])

@@ -140,9 +140,7 @@ class SamplesWriter:
         with _disk_faults(self._path):
             # A folder must never show the samples of an older run beside a newer log.
             self._path.unlink(missing_ok=True)
-            self._file = _pyarrow("pyarrow.parquet").ParquetWriter(
-                self._part, self._schema, compression="zstd"
-            )
+            self._file = _pyarrow("pyarrow.parquet").ParquetWriter(self._part, self._schema, compression="zstd")
         return self
 
     def write(self, row: Row) -> None:

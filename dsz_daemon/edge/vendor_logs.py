@@ -41,6 +41,8 @@ _LOOKS_LIKE_FRAME = re.compile(r"\s*[0-9]")
 # TRC lines that hold no frame and are no fault: comments, and the controller's own news (types
 # of PEAK's format description; FFFFFFFF is TRC 1.0's bus information).
 _TRC_NO_FRAME = re.compile(r"\s*(?:;|$)|.*\s(?:ST|EC|ER|EV|Error|Warng|Ovrun|HWERR|FFFFFFFF)\s")
+# An object's header: signature, header's length and version, the object's length.
+_BLF_OBJECT_WITHOUT_LENGTH = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 
 
 class _BadMessage(ValueError):  # noqa: N818 - a status that is counted, not a failure
@@ -100,6 +102,7 @@ class _TextLines:
         self.number = 0
         self.last = ""
         self.is_used = True
+        self.is_exhausted = False
 
     def __iter__(self) -> _TextLines:
         return self
@@ -110,7 +113,11 @@ class _TextLines:
         if not self.is_used:
             self.is_used = True
             self._skipped(self)
-        self.last = next(self._lines)
+        line = next(self._lines, None)
+        if line is None:
+            self.is_exhausted = True
+            raise StopIteration
+        self.last = line
         self.number += 1
         self.is_used = False
         return self.last
@@ -182,6 +189,8 @@ def _text_messages(
             except StopIteration:
                 break
             except Exception as error:  # any failure of a foreign parser is the line's
+                if lines.is_exhausted:  # it misses something in the header: there is no line to blame
+                    break
                 lines.is_used = True
                 if lines.last_is_whole:
                     report.add_malformed(file.path.name, str(lines.number), lines.last, _reason(error))
@@ -266,7 +275,19 @@ def _reader_class(kind: Format) -> type:
     logger = logging.getLogger("can.io")
     if not logger.handlers:
         logger.addHandler(logging.NullHandler())
-    return {"asc": can.ASCReader, "blf": can.BLFReader, "trc": can.TRCReader, "mf4": can.MF4Reader}[kind]
+
+    class FiniteBLFReader(can.BLFReader):
+        """BLFReader that ends where an object has no length: the original reads that one for ever."""
+
+        def _parse_container(self, data: bytes) -> Iterator[Message]:
+            data, self._tail = self._tail + data, b""
+            endless = _BLF_OBJECT_WITHOUT_LENGTH.search(data)
+            yield from super()._parse_container(data[: endless.start()] if endless else data)
+            if endless:
+                raise ValueError("an object without length")
+
+    readers = {"asc": can.ASCReader, "blf": FiniteBLFReader, "trc": can.TRCReader, "mf4": can.MF4Reader}
+    return readers[kind]
 
 
 def _reason(error: Exception) -> str:

@@ -10,9 +10,14 @@ from dsz_daemon.pipeline.frames import Frame
 Address = tuple[str, int, bool]
 
 
+# A stamp that falls back further than this is a step of the clock, not a late frame.
+_LATE_NS = 1_000_000_000
+
+
 @dataclass
 class _Gaps:
     last_ns: int
+    before_ns: int | None = None
     frames: int = 1
     # Gap lengths in 0.1 ms: cycles are milliseconds, jitter is a fraction of one.
     gaps: Counter[int] = field(default_factory=Counter)
@@ -56,14 +61,26 @@ class CycleWatch:
             self.seen[address] = _Gaps(frame.t_ns)
             return
         gaps.frames += 1
-        if frame.t_ns >= gaps.last_ns:
-            gaps.gaps[round((frame.t_ns - gaps.last_ns) * 1e-5)] += 1
-        gaps.last_ns = frame.t_ns
+        _take(gaps, frame.t_ns)
 
     def cycles(self) -> list[Cycle]:
         """All messages with a steady cycle, in the order of their ids."""
         found = [cycle for address, gaps in self.seen.items() if (cycle := _cycle(address, gaps)) is not None]
         return sorted(found, key=lambda cycle: (cycle.channel, cycle.can_id))
+
+
+def _take(gaps: _Gaps, t_ns: int) -> None:
+    """One more stamp. A gap counts once a frame behind it shows that nothing came late into it."""
+    before_ns, last_ns = gaps.before_ns, gaps.last_ns
+    if before_ns is not None and before_ns <= t_ns < last_ns:
+        gaps.gaps[round((t_ns - before_ns) * 1e-5)] += 1
+        gaps.before_ns = t_ns
+    elif t_ns >= last_ns:
+        if before_ns is not None:
+            gaps.gaps[round((last_ns - before_ns) * 1e-5)] += 1
+        gaps.before_ns, gaps.last_ns = last_ns, t_ns
+    elif t_ns < last_ns - _LATE_NS:
+        gaps.before_ns, gaps.last_ns = None, t_ns
 
 
 def _cycle(address: Address, gaps: _Gaps) -> Cycle | None:

@@ -5,6 +5,7 @@ replay of its recording tick at the same instants. A tick at t sees every frame 
 before. After `gap_s` without any wanted frame the loop sleeps (no estimation; live, rows say
 "silent"); the next frame wakes it, and motion starts afresh with the offsets kept. A stamp
 that falls back by more than `clock_step_s` moves the grid; smaller disorder is only late data.
+A stamp that leaps ahead by more than `gap_s` is believed once the next wanted frame bears it out.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from dsz_daemon.core.step import step
 from dsz_daemon.pipeline.align import Aligner
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.pipeline.mapping import Sample
-from dsz_daemon.pipeline.rows import Counters, Row
+from dsz_daemon.pipeline.rows import Counters, Refusal, Row
+from dsz_daemon.pipeline.sensor_watch import SensorWatch
 from dsz_daemon.signals import IMU_CHANNELS
 
 NAN = math.nan
@@ -56,6 +58,8 @@ class LoopMemory:
 
     estimator: EstimatorState
     aligner: Aligner
+    watch: SensorWatch = field(default_factory=SensorWatch)
+    leapt: tuple[Sample, ...] = ()
     next_tick_ns: int | None = None
     last_tick_ns: int = 0
     last_sample_ns: int = 0
@@ -85,8 +89,8 @@ class Loop:
 
     @property
     def next_tick_ns(self) -> int | None:
-        """When the next tick is due on the bus's clock; None before the first wanted frame."""
-        return self.memory.next_tick_ns
+        """When the next tick is due on the bus's clock; None before the first wanted frame and while asleep."""
+        return None if self.memory.asleep else self.memory.next_tick_ns
 
     def frame(self, frame: Frame) -> list[Row]:
         """One frame in; rows of the ticks that lay before it out."""
@@ -94,10 +98,29 @@ class Loop:
         samples = self._decoder.decode(frame)
         if not samples:
             return []
-        rows = self._until(frame.t_ns)
+        rows: list[Row] = []
+        if memory.leapt:
+            leapt, memory.leapt = memory.leapt, ()
+            if frame.t_ns >= leapt[0].t_ns - round(self.settings.clock_step_s * 1e9):
+                rows = self._taken(leapt)
+            else:
+                memory.watch.refused += [Refusal(sample.role, "stamp") for sample in leapt]
+        if memory.next_tick_ns is not None and self._is_gap(frame.t_ns):
+            memory.leapt = tuple(samples)
+            return rows
+        return rows + self._taken(samples)
+
+    def _is_gap(self, t_ns: int) -> bool:
+        return t_ns - self.memory.last_sample_ns > round(self.settings.gap_s * 1e9)
+
+    def _taken(self, samples: Sequence[Sample]) -> list[Row]:
+        """The samples of one frame in; rows of the ticks that lay before it out."""
+        memory, t_ns = self.memory, samples[0].t_ns
+        rows = self._until(t_ns)
         for sample in samples:
-            memory.aligner.take(sample)
-        memory.last_sample_ns = max(memory.last_sample_ns, frame.t_ns)
+            for good in memory.watch.passed(sample):
+                memory.aligner.take(good)
+        memory.last_sample_ns = max(memory.last_sample_ns, t_ns)
         counters = memory.counters
         memory.counters = counters._replace(frames=counters.frames + 1, samples=counters.samples + len(samples))
         return rows
@@ -114,7 +137,7 @@ class Loop:
             self._restart(t_ns, 0.0, "clock_step")
             return []
         rows = self._ticks(t_ns - 1)
-        if t_ns - memory.last_sample_ns > round(settings.gap_s * 1e9):
+        if self._is_gap(t_ns):
             away_s = max(0, t_ns - memory.last_tick_ns) * 1e-9
             memory.counters = memory.counters._replace(gaps=memory.counters.gaps + 1)
             self._restart(t_ns, away_s, "gap")
@@ -130,6 +153,7 @@ class Loop:
         memory = self.memory
         memory.estimator = resumed(memory.estimator, self.tuning, away_s)
         memory.aligner.forget()
+        memory.watch.forget()
         memory.asleep, memory.event = False, event
         self._anchor(t_ns)
 
@@ -171,7 +195,10 @@ class Loop:
         memory.estimator, output = step(self.car, self.tuning, memory.estimator, self._inputs(values), dt_s)
         if any(self._unmapped):
             output = _without(output, self._unmapped)
-        row = Row(t_ns, output, values, ages, memory.counters, memory.event)
+        refused = tuple(memory.watch.refused)
+        memory.watch.refused.clear()
+        memory.counters = memory.counters._replace(rejected=memory.counters.rejected + len(refused))
+        row = Row(t_ns, output, values, ages, memory.counters, memory.event, refused)
         memory.last_tick_ns, memory.event, memory.output = t_ns, "", output
         return row
 

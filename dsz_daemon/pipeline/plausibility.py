@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from dsz_daemon.core.linear import relaxed
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.pipeline.rows import Row
+from dsz_daemon.pipeline.rows import Refusal, Row
 from dsz_daemon.signals import ACCEL_CHANNELS, IMU_CHANNELS, STANDARD_GRAVITY_MPS2, WHEEL_SPEEDS
 
 # Both sides of a relation pass the same smoothing; it also differentiates the wheels' speed.
@@ -21,6 +21,11 @@ _SMOOTHING_S = 0.4
 # Fewer rows than this (half a minute at 100 Hz) are no evidence for a sign or a unit.
 _ROWS_NEEDED = 500
 _SLOPE_LOW, _SLOPE_HIGH = 0.55, 1.8
+_REFUSED = {
+    "spike": "single samples that jump off and back, further than a car can move: a loose contact?",
+    "frozen": "it repeated itself while the wheels' speed changed: a frozen sensor?",
+    "stamp": "their time is far ahead of all others'",
+}
 
 
 @dataclass
@@ -79,9 +84,12 @@ class Plausibility:
     changes: dict[str, int] = field(default_factory=dict)
     last: dict[str, float] = field(default_factory=dict)
     fast_rows: int = 0
+    refused: dict[Refusal, int] = field(default_factory=dict)
 
     def watch(self, row: Row) -> None:
         """Takes one row into account."""
+        for refusal in row.refused:
+            self.refused[refusal] = self.refused.get(refusal, 0) + 1
         if row.event:
             self.smoothed.clear()
         values = row.inputs
@@ -136,7 +144,8 @@ class Plausibility:
 
     def findings(self) -> list[str]:
         """All warnings so far, in words with figures; empty when nothing contradicts physics."""
-        return [*self._vertical(), *self._dead(), *self._speed(), *self._yaw(), *self._forces()]
+        said = (self._vertical(), self._dead(), self._refused(), self._speed(), self._yaw(), self._forces())
+        return [words for found in said for words in found]
 
     def _vertical(self) -> list[str]:
         means = {n: self.sums[n].y / self.sums[n].n for n in ACCEL_CHANNELS if n in self.sums and self.sums[n].n > 50}
@@ -157,6 +166,9 @@ class Plausibility:
             for name, count in self.changes.items()
             if count <= 1 and self.sums[name].n > _ROWS_NEEDED
         ]
+
+    def _refused(self) -> list[str]:
+        return [f"{role}: {count} values not used: {_REFUSED[why]}" for (role, why), count in self.refused.items()]
 
     def _speed(self) -> list[str]:
         words = []
@@ -213,7 +225,8 @@ class Plausibility:
             return ["accel_x follows the turning and accel_y the speeding up: the two seem swapped"]
         if found is not None and found.correlation < -0.5:
             words.append(
-                f"accel_y runs against yaw rate times speed (slope {found.slope:.2f}): its sign or gyro_z's seems reversed"
+                f"accel_y runs against yaw rate times speed (slope {found.slope:.2f}): "
+                "its sign or gyro_z's seems reversed"
             )
         elif found is not None and found.correlation > 0.8 and not _SLOPE_LOW < found.slope < _SLOPE_HIGH:
             words.append(

@@ -18,12 +18,20 @@ class Counters(NamedTuple):
     clock_steps: int = 0
 
 
+class Refusal(NamedTuple):
+    """A decoded value that was not used, and why: "spike", "frozen" or "stamp" (far ahead of all others)."""
+
+    role: str
+    why: str
+
+
 class Row(NamedTuple):
     """The loop's answer at one tick.
 
     `inputs` are the aligned values in SI by role, `ages_s` how old each was at the tick (both
     only for mapped roles that have been seen); `event` is "" or what happened to time just
-    before this tick ("start", "gap", "clock_step").
+    before this tick ("start", "gap", "clock_step"); `refused` are the values since the last tick
+    that were not used.
     """
 
     t_ns: int
@@ -32,3 +40,4 @@ class Row(NamedTuple):
     ages_s: dict[str, float]
     counters: Counters
     event: str = ""
+    refused: tuple[Refusal, ...] = ()

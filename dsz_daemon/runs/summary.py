@@ -55,6 +55,8 @@ class RunSummary:
         self._setup, self._plausibility = setup, plausibility
         self._channels = {name: _Channel() for name in setup.channels}
         self._ages_ms: dict[str, Counter[int]] = {}
+        # The longest that each role was away and came back.
+        self._longest_age_s: dict[str, float] = {}
         self.rows = 0
         self._first_ns = self._last_ns = 0
         self._last: Row | None = None
@@ -65,6 +67,7 @@ class RunSummary:
         if self.rows == 0:
             self._first_ns = row.t_ns
         self.rows += 1
+        before_s = self._last.ages_s if self._last else {}
         self._last_ns, self._last = row.t_ns, row
         if row.event not in {"", "start"} and len(self.events) < 1000:
             self.events.append({"time_s": row.t_ns * 1e-9, "event": row.event})
@@ -73,6 +76,8 @@ class RunSummary:
             self._add_channel(name, channel, row)
         for role, age_s in row.ages_s.items():
             self._ages_ms.setdefault(role, Counter())[round(age_s * 1000.0)] += 1
+            if before_s.get(role, 0.0) > max(age_s, self._longest_age_s.get(role, 0.0)):
+                self._longest_age_s[role] = before_s[role]
 
     def _add_channel(self, name: str, channel: _Channel, row: Row) -> None:
         output = getattr(row.output, name)
@@ -178,7 +183,7 @@ class RunSummary:
         }
 
     def _findings(self, decoded: DecodeCounters) -> list[str]:
-        words = self._plausibility.findings()
+        words = [*self._plausibility.findings(), *self._gone(decoded)]
         for role in sorted(self._setup.roles):
             counts = decoded.roles[role]
             if counts.samples == 0:
@@ -191,6 +196,19 @@ class RunSummary:
                     f"out of range {counts.out_of_range})"
                 )
         return words
+
+    def _gone(self, decoded: DecodeCounters) -> list[str]:
+        """Signals that ended long before the run did: for longer than they ever were away before."""
+        ages_s = self._last.ages_s if self._last else {}
+        found: dict[str, list[str]] = {}
+        for role in sorted(role for role in self._setup.roles if decoded.roles[role].samples):
+            age_s = ages_s.get(role, math.inf)
+            usual_s = max(2.0 * self._longest_age_s.get(role, 0.0), 5.0 * self._setup.settings.loop.stale_after_s)
+            if age_s > usual_s:
+                known = math.isfinite(age_s)
+                since = f"in the last {age_s:.1f} s of the run" if known else "after the last gap in time"
+                found.setdefault(since, []).append(role)
+        return [f"{', '.join(roles)}: no value {since}" for since, roles in found.items()]
 
 
 # Some cars skip single frames as a rule: that is a note. Longer holes are a warning.

@@ -28,7 +28,7 @@ OFFSETS = {
     "accel_y": -0.2,
     "accel_z": 0.1,
 }
-NOISE_STD = {"gyro": 0.05 * DEG, "accel": 0.02}
+NOISE_STD = {"gyro": 0.05 * DEG, "accel": 0.02, "wheel": 0.01}
 
 MASS_KG, FRONT_M, REAR_M, TRACK_M = 1673.0, 1.149, 1.491, 1.586
 FRONT_N_PER_RAD, REAR_N_PER_RAD, STEERING_RATIO = 62000.0, 68000.0, 15.7
@@ -156,7 +156,7 @@ def frames(seed: int = 7) -> list[Sent]:
     for k in range(round(DURATION_S * 100)):
         sent += _imu(true, 0.01 * k + 0.002, noise)
     for k in range(round(DURATION_S * 50)):
-        sent += _car(true, 0.02 * k + 0.005)
+        sent += _car(true, 0.02 * k + 0.005, noise)
     for k in range(round(DURATION_S * 20)):
         t_s = 0.05 * k + 0.008
         rate = true.at("v_rate", t_s)
@@ -179,12 +179,13 @@ def _imu(true: Motion, t_s: float, noise: np.random.Generator) -> list[Sent]:
     ]
 
 
-def _car(true: Motion, t_s: float) -> list[Sent]:
+def _car(true: Motion, t_s: float, noise: np.random.Generator) -> list[Sent]:
     v, r, vy, delta = (true.at(name, t_s) for name in ("v", "r", "vy", "delta"))
     wheels = []
     for ahead_m, left_m, turned in ((FRONT_M, 1, delta), (FRONT_M, -1, delta), (-REAR_M, 1, 0.0), (-REAR_M, -1, 0.0)):
         forward, sideways = v - r * left_m * TRACK_M / 2.0, vy + ahead_m * r
-        wheels.append(forward * math.cos(turned) + sideways * math.sin(turned))
+        rolling = forward * math.cos(turned) + sideways * math.sin(turned)
+        wheels.append(rolling + noise.normal(0.0, NOISE_STD["wheel"]) if rolling > 0.5 else rolling)
     hand_wheel_deg = delta * STEERING_RATIO / DEG
     return [
         Sent(t_s, "can0", WHEELS, struct.pack(">4H", *(round(max(0.0, w) * 3.6 / 0.01) for w in wheels))),

@@ -46,19 +46,17 @@ def straight(v: float, **changed: float) -> Inputs:
 
 
 def law(**changed: float) -> ZeroingTuning:
-    """A zeroing law with round numbers, in units of whatever it zeroes; white noise only, no drift, no prior."""
+    """A zeroing law with round numbers, in units of whatever it zeroes; white noise only, no drift, a wide prior."""
     plain = DEFAULTS.accel_x._replace(
         window_s=10.0,
-        gain_limit_per_s=1e9,
+        gain_limit_per_s=1e18,
         noise_density=1.0,
-        look_std=1e6,
-        noise_blocks=10.0,
+        noise_blocks=1e15,
+        start_density=0.0,
+        standstill_density=0.1,
         drift_density=0.0,
         floor_std=0.0,
         prior_std=1e6,
-        goal_std=0.1,
-        largest_offset=100.0,
-        standstill_weight=20.0,
     )
     return plain._replace(**changed)
 

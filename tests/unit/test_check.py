@@ -287,6 +287,14 @@ def test_a_channel_of_a_log_needs_no_bus_but_it_is_noted(check):
     assert "no bus for channel can4: enough for a log; dsz run needs it (bus: or --bus)" in notes
 
 
+def test_an_unknown_interface_is_warned_of(check):
+    buses = "bus: {can0: {interface: soketcan}, can1: {interface: virtual}}\n"
+    (warning,) = check(("on_values: [1, 7]}\n", f"on_values: [1, 7]}}\n{buses}")).warnings
+    assert warning.startswith(
+        "bus.can0.interface: 'soketcan' is not known to python-can here; did you mean 'socketcan'"
+    )
+
+
 def test_the_first_dbc_wins_and_a_second_layout_is_warned_of(check):
     again = IMU + 'BO_ 36 KINEMATICS: 8 X\n SG_ YAW_RATE : 8|16@1- (0.01,0) [-327|327] "deg/s" X\n'
     result = check(imu=again)

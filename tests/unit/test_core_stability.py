@@ -15,7 +15,7 @@ from dsz_daemon.core import bicycle, stability
 from dsz_daemon.core.outputs import Reason
 
 BODY = (1673.0, 2850.0, 1.149, 1.491, 62000.0, 68000.0)
-POLE, MARGIN = -5.0, DEFAULTS.neutral_steer_margin
+POLE, MARGIN = DEFAULTS.observer_pole_per_s, DEFAULTS.neutral_steer_margin
 
 
 def loop(v: float, body: tuple[float, ...] = BODY, pole: float = POLE):
@@ -102,7 +102,7 @@ def test_34_as_printed_is_not_hurwitz_at_speed() -> None:
     """
     c, g = 1.2, 0.02
     for v, hurwitz in ((20.0, True), (40.0, False), (60.0, False)):
-        A, K, _ = loop(v)
+        A, K, _ = loop(v, pole=-5.0)
         printed = np.array(
             [
                 [K.k2 * A.a11 * v, K.k1 + K.k2 * (A.a12 + 1.0) * v, -K.k2],
@@ -110,7 +110,7 @@ def test_34_as_printed_is_not_hurwitz_at_speed() -> None:
                 [0.0, -c * g * v * ((A.a12 - K.k1) - (A.a12 + 1.0)), g * (1.0 - c)],
             ]
         )
-        assert np.trace(printed) == pytest.approx(A.a11 + A.a22 - 2.0 * POLE + g * (1.0 - c))
+        assert np.trace(printed) == pytest.approx(A.a11 + A.a22 + 10.0 + g * (1.0 - c))
         assert bool(np.linalg.eigvals(printed).real.max() < 0.0) is hurwitz
         assert stability.closed_loop_poles(A, K, v, g, c).real.max() < 0.0
 
@@ -119,8 +119,9 @@ def test_34_as_printed_is_not_hurwitz_at_speed() -> None:
 
 
 def quick(**changed: object) -> EstimatorSettings:
-    """Default settings with a lateral window of 2 s."""
-    lateral = EstimatorSettings().lateral.model_copy(update={"window_s": 2.0})
+    """Default settings with a lateral gamma of 0.5/s: as printed 1 / window, else sqrt(drift / density)."""
+    law = {"window_s": 2.0, "noise_density": 0.02, "drift_density": 0.005, "noise_blocks": 1e6}
+    lateral = EstimatorSettings().lateral.model_copy(update=law)
     return EstimatorSettings(lateral=lateral, **changed)
 
 

@@ -45,9 +45,9 @@ def test_standing_still_teaches_the_gyros_whatever_the_steering() -> None:
     _, outputs = drive(parked, 15.0)
     for name in ("gyro_x", "gyro_y", "gyro_z"):
         channel = getattr(outputs[-1], name)
-        # The gain's limit leaves a trace of the start at zero.
-        assert channel.offset == pytest.approx(OFFSETS[name], rel=1e-4)
-        assert channel.compensated == pytest.approx(0.0, abs=1e-4 * abs(OFFSETS[name]))
+        # The prior (0) and the second before the standstill leave a trace.
+        assert channel.offset == pytest.approx(OFFSETS[name], rel=1e-3)
+        assert channel.compensated == pytest.approx(0.0, abs=1e-3 * abs(OFFSETS[name]))
         assert channel.state is ChannelState.CONVERGED
         assert channel.gate
     assert outputs[-1].standstill
@@ -56,13 +56,17 @@ def test_standing_still_teaches_the_gyros_whatever_the_steering() -> None:
 
 
 def test_a_second_at_rest_counts_as_many_on_the_road() -> None:
-    """6 s at rest (5 of them after the wait) at weight 50 outweigh 100 s of a gentle curve's 0.2 deg/s."""
-    curve = straight(20.0, gyro_z=0.2 * DEG, accel_y=20.0 * 0.2 * DEG)
-    state, _ = drive(curve, 100.0, dt_s=0.05)
-    _, outputs = drive(straight(0.0), 6.0, state=state)
-    # 100 s at 0.2, 1 s at 0, then 5 * 50 = 250 s worth of 0 in a window of 150 s: exp after filling up.
-    expected = 0.2 * (100.0 / 101.0) * (101.0 / 150.0) * math.exp(-(250.0 - 49.0) / 150.0)
-    assert outputs[-1].gyro_z.offset == pytest.approx(expected * DEG, rel=0.03)
+    """Information by hand: prior 1/9, 100 s of a gentle curve's 0.2 deg/s and 1 s of wait at density 1.5
+
+    (deg/s)^2 s, then 9 s at rest at 0.005: 0.2 * 66.7 / (0.1 + 67.3 + 1800) deg/s is what the curve leaves.
+    """
+    sure = DEFAULTS.gyro_z._replace(
+        noise_density=1.5 * DEG**2, noise_blocks=1e6, standstill_density=0.005 * DEG**2, prior_std=3.0 * DEG, drift_density=0.0
+    )
+    tuning = DEFAULTS._replace(gyro_z=sure)
+    state, _ = drive(straight(20.0, gyro_z=0.2 * DEG), 100.0, dt_s=0.05, tuning=tuning)
+    _, outputs = drive(straight(0.0), 10.0, tuning=tuning, state=resumed(state, tuning, 0.0))
+    assert outputs[-1].gyro_z.offset == pytest.approx(0.2 * 66.7 / 1867.4 * DEG, rel=0.02)
 
 
 # --- on the road -------------------------------------------------------------------------------
@@ -151,16 +155,15 @@ def test_sine_steer_the_observer_follows_the_car() -> None:
         model.append((outputs[k].yaw_rate_model_radps, outputs[k].accel_y_reference_mps2))
     motion, model = np.array(motion), np.array(model)
     error, signal = np.std(model - motion, axis=0), np.std(motion, axis=0)
-    print(error/signal, signal, error)
     assert np.all(signal > [0.07, 1.4])
     assert np.all(error < 0.05 * signal)
 
 
 def test_a_steady_turn_on_a_flat_road_is_known_in_every_quantity() -> None:
-    """R = 100 m at 15 m/s. The body leans by k a_y, so it reads a_y + g sin(lean), and, turning about the
-    vertical, q = r sin(lean). Roll, sideslip, references and the suspension come out of that.
+    """R = 250 m at 25 m/s. The body leans by k a_y; its axes read the horizontal a_y, gravity and the turn
+    about the vertical (so q = r sin(lean)) turned by that angle. Roll, sideslip, references and the suspension come out of that.
     """
-    v, r = 15.0, 0.15
+    v, r = 25.0, 0.1
     ay = r * v
     lean = TUCSON.roll_gradient_rad_per_mps2 * ay
     front, rear = 1673.0 * ay * 1.491 / 2.64, 1673.0 * ay * 1.149 / 2.64
@@ -175,8 +178,8 @@ def test_a_steady_turn_on_a_flat_road_is_known_in_every_quantity() -> None:
         gyro_y=r * math.sin(lean),
         gyro_z=r * math.cos(lean),
         accel_x=-r * vy,
-        accel_y=ay + G * math.sin(lean),
-        accel_z=G * math.cos(lean),
+        accel_y=ay * math.cos(lean) + G * math.sin(lean),
+        accel_z=G * math.cos(lean) - ay * math.sin(lean),
         road_wheel_angle=delta,
     )._replace(**dict(zip(WHEELS, rims, strict=True)))
     _, outputs = drive(turning, 60.0)
@@ -193,8 +196,11 @@ def test_a_steady_turn_on_a_flat_road_is_known_in_every_quantity() -> None:
     assert last.accel_z_reference_mps2 == pytest.approx(G - r * math.sin(lean) * v, abs=1e-3)
     assert last.road_wheel_angle_rad == delta
     assert beta < 0.0 < lean  # at this speed the tail hangs out, the left side is up
-    # 8.6 deg/s: nobody learns, and q's true 0.15 deg/s does not become its offset.
-    assert [channel.gate for channel in last.channels] == [False] * 5 + [True]
+    # 5.7 deg/s: q's true 0.11 deg/s does not become its offset. Table 3 lets x and z learn in a steady
+    # turn; their references hold there, so they learn that there is nothing to learn.
+    assert [channel.gate for channel in last.channels] == [False, False, False, True, False, True]
+    assert last.accel_x.offset == pytest.approx(0.0, abs=2e-3)
+    assert last.accel_z.offset == pytest.approx(0.0, abs=2e-3)
     assert [channel.reason for channel in last.channels[:3]] == [Reason.TURNING, Reason.TURNING, Reason.STEERING_LARGE]
     assert (last.gyro_x.offset, last.gyro_y.offset, last.gyro_z.offset) == (0.0, 0.0, 0.0)
 
@@ -319,28 +325,21 @@ REASONS = {
     "TOO_SLOW": ("accel_y", straight(5.0)),
     "STEERING_LARGE": ("gyro_z", straight(20.0, road_wheel_angle=0.1)),
     "STEERING_MOVES": ("accel_y", lambda t: straight(20.0, road_wheel_angle=0.0085 * math.sin(2.5 * t))),
-    "TURNING": ("gyro_y", straight(20.0, gyro_z=0.2)),
+    "TURNING": ("gyro_y", straight(20.0, gyro_z=0.2, road_wheel_angle=0.1)),
     "NO_SPEED": ("accel_x", straight(20.0, **NO_WHEELS)),
     "NO_STEERING": ("gyro_z", straight(20.0, **NO_WHEELS, road_wheel_angle=NAN)),
     "REVERSING": ("accel_x", straight(6.0, reverse=1.0)),
     "WHEELS_SLIP": ("accel_x", straight(20.0, wheel_speed_fl=23.0)),
-    "IMPLAUSIBLE": ("accel_y", straight(20.0, accel_y=2.6)),
+    "IMPLAUSIBLE": ("accel_y", straight(20.0, accel_y=1.05 * DEFAULTS.accel_y.largest_offset)),
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=pytest.mark.xfail(strict=True, reason="no line of core/ ever says REVERSING"))
-        if n == "REVERSING"
-        else n
-        for n in REASONS
-    ],
-)
+@pytest.mark.parametrize("name", REASONS)
 def test_every_reason_can_be_reached(name: str) -> None:
     channel, inputs = REASONS[name]
-    # 16 s: the yaw rate must be zeroed before a_y may say anything but SETTLING.
-    _, outputs = drive(inputs, 16.0 if name in {"IMPLAUSIBLE", "STEERING_MOVES"} else 4.0)
+    # The yaw rate must be zeroed before a_y may say anything but SETTLING.
+    parked, _ = drive(straight(0.0), 5.0)
+    _, outputs = drive(inputs, 4.0, state=resumed(parked, DEFAULTS, 0.0))
     assert name in {getattr(output, channel).reason.name for output in outputs[-100:]}
 
 
@@ -350,12 +349,12 @@ def test_settling_comes_first() -> None:
 
 
 def test_an_implausible_target_is_held_and_learning_goes_on_after_it() -> None:
-    """10 deg/s is the most that counts as a gyro's offset."""
-    _, outputs = drive(straight(20.0, gyro_x=10.1 * DEG), 2.0)
+    limit = DEFAULTS.gyro_x.largest_offset
+    state, outputs = drive(straight(20.0, gyro_x=1.01 * limit), 2.0)
     assert outputs[-1].gyro_x.offset == 0.0
     assert outputs[-1].gyro_x.reason is Reason.IMPLAUSIBLE
-    _, outputs = drive(straight(20.0, gyro_x=-9.9 * DEG), 2.0)
-    assert outputs[-1].gyro_x.offset == pytest.approx(-9.9 * DEG, rel=0.01)
+    _, outputs = drive(straight(20.0, gyro_x=-0.99 * limit), 20.0, state=state)
+    assert outputs[-1].gyro_x.offset == pytest.approx(-0.99 * limit, rel=0.01)
 
 
 def test_an_offset_is_reading_minus_truth() -> None:
@@ -371,7 +370,6 @@ def test_an_offset_is_reading_minus_truth() -> None:
     assert outputs[0].accel_x.offset_std == pytest.approx(1.0, rel=0.01)
 
 
-@pytest.mark.xfail(strict=True, reason="as printed, learned_s starts full: the spread claims a whole window before any reading")
 def test_as_printed_nothing_is_converged_before_anything_was_learnt() -> None:
     tuning = EstimatorSettings(as_printed=True).tuning()
     _, output = step(TUCSON, tuning, initial_state(tuning), straight(20.0), 0.01)
@@ -379,20 +377,18 @@ def test_as_printed_nothing_is_converged_before_anything_was_learnt() -> None:
     assert output.accel_y.offset_std == pytest.approx(tuning.accel_y.prior_std, rel=0.05)
 
 
-@pytest.mark.xfail(strict=True, reason="_learned gives the gate's reason first: an INVALID channel says TOO_SLOW instead of STALE")
 def test_an_invalid_reading_says_stale_whatever_the_gate() -> None:
     _, outputs = drive(straight(2.0, accel_y=NAN, gyro_z=NAN, road_wheel_angle=0.3), 3.0)
     assert outputs[-1].accel_y.state is ChannelState.INVALID
     assert (outputs[-1].accel_y.reason, outputs[-1].gyro_z.reason) == (Reason.STALE, Reason.STALE)
 
 
-@pytest.mark.xfail(strict=True, reason="inf is no NaN: it crashes (math domain error) or leaves NaN in observer and attitude for good")
 @pytest.mark.parametrize("name", ["gyro_x", "gyro_z", "accel_y", "road_wheel_angle"])
 def test_an_infinite_reading_is_a_missing_one(name: str) -> None:
     state, _ = drive(biased(straight(20.0)), 3.0)
     missing, _ = drive(biased(straight(20.0))._replace(**{name: NAN}), 0.1, state=state)
     infinite, _ = drive(biased(straight(20.0))._replace(**{name: math.inf}), 0.1, state=state)
-    assert infinite == missing
+    assert repr(infinite) == repr(missing)
 
 
 # --- memory and time ---------------------------------------------------------------------------
@@ -420,8 +416,8 @@ def test_a_gap_keeps_the_offsets_makes_them_less_sure_and_forgets_the_motion() -
     hour = resumed(state, DEFAULTS, 3600.0)
     assert [z.correction for z in hour[:6]] == [z.correction for z in state[:6]]
     # Data sheet of the drift, by hand: 4e-6 (deg/s)^2/s and 3e-6 (m/s^2)^2/s for 3600 s.
-    assert hour.gyro_z.drift_variance - state.gyro_z.drift_variance == pytest.approx(4e-6 * DEG**2 * 3600.0)
-    assert hour.accel_x.drift_variance - state.accel_x.drift_variance == pytest.approx(3e-6 * 3600.0)
+    assert hour.gyro_z.variance - state.gyro_z.variance == pytest.approx(4e-6 * DEG**2 * 3600.0)
+    assert hour.accel_x.variance - state.accel_x.variance == pytest.approx(3e-6 * 3600.0)
     fresh = initial_state(DEFAULTS)
     assert (hour.speed, hour.observer, hour.attitude) == (fresh.speed, fresh.observer, fresh.attitude)
     assert repr(hour.transient) == repr(fresh.transient)
@@ -449,3 +445,14 @@ def test_one_step_of_2_dt_is_two_of_dt() -> None:
         assert getattr(fine, name).reason is getattr(coarse, name).reason
     assert fine.sideslip_rad == pytest.approx(coarse.sideslip_rad, abs=1e-4)
     assert fine.tau == pytest.approx(coarse.tau, abs=1e-3)
+
+
+def test_backing_round_a_corner_without_a_yaw_gyro() -> None:
+    """v_x = -3 m/s, r = 0.4: the left wheels run faster backwards; rims count up. (21) has r v = -1.2."""
+    r, half = 0.4, 0.5 * 1.586 * 0.4
+    backing = straight(3.0, gyro_z=NAN, reverse=1.0)._replace(
+        wheel_speed_rl=3.0 + half, wheel_speed_fl=3.0 + half, wheel_speed_rr=3.0 - half, wheel_speed_fr=3.0 - half
+    )
+    _, outputs = drive(backing, 2.0)
+    assert outputs[-1].speed_mps == pytest.approx(-3.0, abs=0.01)
+    assert outputs[-1].accel_y_reference_mps2 == pytest.approx(-3.0 * r, abs=0.02)

@@ -30,7 +30,7 @@ from dsz_daemon.errors import MachineError
 from dsz_daemon.report import write_report
 from dsz_daemon.report.channel_figures import channel_figure
 from dsz_daemon.report.drive_figures import attitude_figure, drive_figure, kinematics_figure, model_figure
-from dsz_daemon.report.markup import script
+from dsz_daemon.report.markup import data_block, script
 from dsz_daemon.report.results import channel_result
 from dsz_daemon.signals import IMU_CHANNELS, QUANTITIES, WHEELS
 
@@ -217,10 +217,14 @@ def test_user_text_is_text_everywhere(tmp_path: Path) -> None:
         "settings": {EVIL: EVIL},
         "versions": {"dsz-daemon": EVIL},
     }
-    found = page(tmp_path, small_run(), summary, title=f'run {EVIL} & "more"')
+    samples = small_run()
+    samples["gyro_z_reason"][3] = "</script><script>alert(1)"
+    found = page(tmp_path, samples, summary, title=f'run {EVIL} & "more"')
     figures = len(found.figures())
     assert len(found.scripts) == figures + 2
-    assert not [s for s in found.scripts if "alert(1)" in s]
+    # Only as data, in which no tag can begin; the words that a figure shows are user text, too.
+    assert all("<" not in s for s in found.scripts if "alert(1)" in s)
+    assert sum("alert(1)" in s for s in found.scripts) == 1
     assert found.text.count("<script>alert(1)</script>") >= 8
     assert f'run {EVIL} & "more"' in found.text
 
@@ -359,3 +363,9 @@ def test_without_plotly_the_message_names_the_extra(tmp_path: Path, monkeypatch:
 def test_a_script_cannot_end_itself() -> None:
     with pytest.raises(ValueError, match="end tag"):
         script("let a = '</SCRIPT>';")
+
+
+def test_data_cannot_end_its_script_either() -> None:
+    text = data_block("data-x", json.dumps({"a": "</script>"})).text or ""
+    assert "<" not in text
+    assert json.loads(text) == {"a": "</script>"}

@@ -167,7 +167,8 @@ def test_while_it_is_written_nothing_stands_under_the_final_name(tmp_path: Path)
         writer.write(row())
         # An older run's samples must not stand beside a newer run's log.
         assert sorted(p.name for p in tmp_path.iterdir()) == ["samples.parquet.part"]
-    assert path.exists()
+    # Whole as soon as the block is left, not only once the writer is collected.
+    assert len(read_samples(path)["time_s"]) == 1
 
 
 def test_a_file_without_its_footer_is_an_input_error(tmp_path: Path) -> None:

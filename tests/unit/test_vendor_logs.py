@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import re
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +160,17 @@ def test_lines_of_a_trc_file_that_hold_no_frame(tmp_path: Path) -> None:
     assert report.malformed_examples[0].where == "drive.trc:5"
 
 
+def test_a_trc_file_without_its_columns_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "drive.trc", CLASSIC)
+    path.write_text(path.read_text().replace("$COLUMNS", "$COLUMN"))
+    report = LogReport()
+    with pytest.raises(
+        InputError, match=r"drive\.trc: no CAN frame in it; .*no column information.*expected CAN frames of the TRC"
+    ):
+        list(islice(read_frames([path], report), 10))
+    assert report.malformed_lines == len(CLASSIC)
+
+
 @pytest.mark.parametrize("suffix", ["asc", "trc"])
 def test_a_cut_text_file_is_read_as_far_as_it_goes(tmp_path: Path, suffix: str) -> None:
     path = written(tmp_path / f"drive.{suffix}", CLASSIC)
@@ -185,6 +198,24 @@ def test_a_cut_blf_file_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     assert 2_000 < len(got) < 8_000
     assert report.cut_last_line == 1
     assert f"can't be read behind frame {len(got)}" in report.warnings[0]
+
+
+@pytest.mark.parametrize("version", [1, 9])
+def test_a_blf_object_without_length_ends_the_reading(tmp_path: Path, version: int) -> None:
+    # python-can reads such an object again and again; the container is stored to get at it.
+    path = tmp_path / "drive.blf"
+    with can.BLFWriter(path, compression_level=0) as writer:
+        for frame in CLASSIC:
+            writer(message(frame))
+    data = bytearray(path.read_bytes())
+    third = [found.start() for found in re.finditer(b"LOBJ", data)][3]  # the first is the container
+    data[third + 6 : third + 12] = version.to_bytes(2, "little") + bytes(4)
+    path.write_bytes(data)
+    report = LogReport()
+    got = list(islice(read_frames([path], report), 100))
+    assert got == CLASSIC[:2]
+    assert report.cut_last_line == 1
+    assert "can't be read behind frame 2 (ValueError: an object without length)" in report.warnings[0]
 
 
 def test_a_cut_mf4_file_is_refused_without_a_traceback(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

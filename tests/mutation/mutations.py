@@ -1,0 +1,167 @@
+"""Does the core's suite notice a broken core? One mutation at a time, in a copy; run me by hand.
+
+    python tests/mutation/mutations.py
+
+copies the package and the core's tests to a temporary folder, applies one mutation, runs the core's
+tests against the copy and prints a Markdown table of which test caught it. Exit code 1 if one
+survives, if its text is not found exactly once, or if the unbroken copy fails. Mutations that
+change nothing that can be seen are not listed: a survivor is a missing test.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+# The quick ones first: most mutations are caught within a second or two.
+TESTS = ("tests/unit", "tests/property", "tests/consistency")
+AT_ONCE = 2
+GUARD = """
+from pathlib import Path
+import dsz_daemon
+assert Path(dsz_daemon.__file__).is_relative_to(Path(__file__).parent), dsz_daemon.__file__
+"""
+
+
+class Mutation(NamedTuple):
+    """`old` stands exactly once in core/`file`; `new` takes its place."""
+
+    file: str
+    equation: str
+    old: str
+    new: str
+
+
+MUTATIONS = (
+    # the single-track car and its observer
+    Mutation("bicycle.py", "(1) a12", "/ (m * v * v) - 1.0", "/ (m * v * v) + 1.0"),
+    Mutation("bicycle.py", "(1) a21", "a21=-2.0 * (Cf * lf - Cr * lr) / Iz", "a21=-2.0 * (Cf * lf + Cr * lr) / Iz"),
+    Mutation("bicycle.py", "(1) b1", "b1=2.0 * Cf / (m * v)", "b1=Cf / (m * v)"),
+    Mutation("bicycle.py", "(3)", "+ (model.a12 + 1.0) * v * r + model.b1", "+ model.a12 * v * r + model.b1"),
+    Mutation("bicycle.py", "(7) input", "(model.b2 - gain.k4 * model.b1 * v) * delta", "model.b2 * delta"),
+    Mutation("bicycle.py", "(7) matrix", "model.a22 - gain.k3 - gain.k4", "model.a22 + gain.k3 - gain.k4"),
+    Mutation("bicycle.py", "(8) K1", "/ (2.0 * Cf * Cr * (lf + lr) ** 2) - 1.0", "/ (2.0 * Cf * Cr * (lf + lr) ** 2)"),
+    Mutation("bicycle.py", "(8) K3", "k3 = -2.0 * pole", "k3 = -pole"),
+    Mutation("bicycle.py", "(8) switch", "return ObserverGain(k1, 0.0, k3, 0.0)", "return ObserverGain(k1, 1.0 / v, k3, 0.0)"),
+    Mutation("bicycle.py", "(9)", "return v * math.tan(beta)", "return v * math.sin(2.0 * beta)"),
+    Mutation("bicycle.py", "(9) derivative", "v_rate * tan + v * (1.0 + tan * tan)", "v_rate * tan + v * (1.0 - tan * tan)"),
+    # kinematics and attitude
+    Mutation("kinematics.py", "(20)", "return v_rate - r * vy", "return v_rate + r * vy"),
+    Mutation("kinematics.py", "(21)", "return vy_rate + r * v", "return r * v"),
+    Mutation("kinematics.py", "(22) q", "return -q * v + p * vy + G", "return q * v + p * vy + G"),
+    Mutation("kinematics.py", "(22) p", "return -q * v + p * vy + G", "return -q * v + G"),
+    Mutation("kinematics.py", "(4) total", "ay - G * math.sin(roll)", "ay + G * math.sin(roll)"),
+    Mutation("kinematics.py", "(4) road", "road_roll = roll - suspension_roll", "road_roll = roll"),
+    Mutation("attitude.py", "phi' = p + r theta", "stepped_2x2(-k, yaw, -yaw, -k", "stepped_2x2(-k, -yaw, yaw, -k"),
+    Mutation("attitude.py", "suspension pitch", "-pitch_gradient * longitudinal_mps2", "pitch_gradient * longitudinal_mps2"),
+    Mutation("motion.py", "(4) lean", "car.roll_gradient_rad_per_mps2,", "-car.roll_gradient_rad_per_mps2,"),
+    Mutation("linear.py", "held input", "xe = -(d * u - b * w) / det", "xe = -(d * u + b * w) / det"),
+    Mutation("linear.py", "matrix exponential", "s = 0.5 * (a + d)", "s = 0.25 * (a + d)"),
+    # reference speed
+    Mutation("speed.py", "3.1 corner", ") / cos + front,", ") / cos - front,"),
+    Mutation("speed.py", "3.1 corner, steered", "sideways = (vy + car.cg_to_front_axle_m * r)", "sideways = (vy - car.cg_to_front_axle_m * r)"),
+    Mutation("speed.py", "3.1 braking", "return max(wheels)", "return min(wheels)"),
+    Mutation("speed.py", "3.1 undriven", "_present(corners.fl, corners.fr) if car.rear_driven", "_present(corners.fl, corners.fr) if car.front_driven"),
+    Mutation("speed.py", "3.1 limiter", "min(ax - tuning.imu_acceleration_margin_mps2", "min(ax + tuning.imu_acceleration_margin_mps2"),
+    Mutation("speed.py", "wheel yaw rate", "(inputs.wheel_speed_rr - inputs.wheel_speed_rl)", "(inputs.wheel_speed_rl - inputs.wheel_speed_rr)"),
+    Mutation("speed.py", "v'", "(smoothed - state.smoothed_mps) / dt_s", "(smoothed - state.smoothed_mps)"),
+    Mutation("speed.py", "standstill", "and abs(speed) < limit else 0.0", "else 0.0"),
+    # zeroing
+    Mutation("step.py", "(11), (13), (15)", "law, reading, 0.0, reason", "law, -reading, 0.0, reason"),
+    Mutation("step.py", "(24)-(28)", "target = reference - reading", "target = reading - reference"),
+    Mutation("step.py", "(26) c_y", "tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y)", "tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s)"),
+    Mutation("step.py", "order: gyros before attitude", "p=zeroing.compensated(inputs.gyro_x, state.gyro_x)", "p=inputs.gyro_x"),
+    Mutation("step.py", "(14)", "r=used_yaw_rate(zeroing.compensated(inputs.gyro_z, state.gyro_z)", "r=used_yaw_rate(inputs.gyro_z"),
+    Mutation("step.py", "(25)", "ay = zeroing.compensated(inputs.accel_y, state.accel_y)", "ay = inputs.accel_y"),
+    Mutation("zeroing.py", "gain P/S", "D = cosh + variance / density * over_k", "D = cosh + 2.0 * variance / density * over_k"),
+    Mutation("zeroing.py", "P' = Q - P^2/S", "(variance * cosh + drift * over_k) / D", "variance * cosh / D"),
+    Mutation("zeroing.py", "printed gamma", "drift, 1.0 / tuning.window_s, dt_s)", "drift, tuning.window_s, dt_s)"),
+    Mutation("zeroing.py", "(10)", "return reading + state.correction", "return reading - state.correction"),
+    Mutation("zeroing.py", "hold", "state.variance + tuning.drift_density * dt_s", "state.variance"),
+    Mutation("zeroing.py", "scatter", "length * rest * rest / left", "length * rest * rest"),
+    # gates
+    Mutation("gates.py", "(15)", "if abs(delta) <= tuning.k_r_rad", "if delta <= tuning.k_r_rad"),
+    Mutation("gates.py", "(29)", "state.square[i] - state.mean[i] ** 2", "state.square[i]"),
+    Mutation("gates.py", "(29) k_i", "(SIGNALS * scale**2)", "(SIGNALS * scale)"),
+    Mutation("gates.py", "Table 3 c1", "transient(state, tuning) < tuning.c1", "transient(state, tuning) < tuning.c7"),
+    Mutation("gates.py", "Table 3 c2", "speed_variance(state) >= tuning.c2_m2ps2", "steering_variance(state) >= tuning.c2_m2ps2"),
+    Mutation("gates.py", "Table 3 c6", "abs(r) < tuning.c6_radps", "r < tuning.c6_radps"),
+    Mutation("gates.py", "turning", "or tuning.as_printed or math.isnan(r)", "or math.isnan(r)"),
+    # stability, stiffness
+    Mutation("stability.py", "(31) corrected", "g * (c * v * gain.k2 - 1.0)]", "-g]"),
+    Mutation("stiffness.py", "yaw balance", "car.cg_to_front_axle_m - Iz * yaw_acceleration", "car.cg_to_front_axle_m + Iz * yaw_acceleration"),
+    Mutation("stiffness.py", "slip difference", "delta_mid - car.wheelbase_m * yaw_mid / v", "delta_mid + car.wheelbase_m * yaw_mid / v"),
+    Mutation("stiffness.py", "rear compliance", "h2 = -rear / ", "h2 = rear / "),
+    # memory
+    Mutation("state.py", "resume", "zeroing.held(state.accel_z, tuning.accel_z, away_s)", "zeroing.held(state.accel_y, tuning.accel_z, away_s)"),
+)  # fmt: skip
+
+
+def copied(folder: Path) -> None:
+    """Package and core tests as they stand, with a guard that they are what gets imported."""
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "dsz_daemon", folder / "dsz_daemon", ignore=ignore)
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    for where, pattern in zip(TESTS, ("*core_*.py", "test_core_*.py", "test_spread.py"), strict=True):
+        (folder / where).mkdir(parents=True)
+        for path in sorted((ROOT / where).glob(pattern)):
+            shutil.copy(path, folder / where)
+    (folder / "conftest.py").write_text(GUARD, encoding="utf-8")
+
+
+def failing_test(mutation: Mutation | None) -> str:
+    """The first test that fails in a mutated copy; "" if all pass. RuntimeError if the run itself broke."""
+    with tempfile.TemporaryDirectory(prefix="mutation-") as name:
+        folder = Path(name)
+        copied(folder)
+        if mutation is not None:
+            path = folder / "dsz_daemon" / "core" / mutation.file
+            path.write_text(path.read_text(encoding="utf-8").replace(mutation.old, mutation.new), encoding="utf-8")
+        # Bytecode is told apart by time and size only: a mutation of equal length could run unmutated.
+        env = {**os.environ, "PYTHONPATH": name, "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider", *TESTS]
+        run = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=300)
+    if run.returncode == 0:
+        return ""
+    failed = re.search(r"^FAILED \S*/(\S+?\.py::\S+)", run.stdout, re.MULTILINE)
+    if run.returncode != 1 or failed is None:
+        raise RuntimeError(f"{mutation}: pytest ended with {run.returncode}\n{run.stdout[-2000:]}{run.stderr[-2000:]}")
+    return failed.group(1)
+
+
+def misplaced(mutation: Mutation) -> bool:
+    """Whether the text to mutate does not stand exactly once."""
+    text = (ROOT / "dsz_daemon" / "core" / mutation.file).read_text(encoding="utf-8")
+    return text.count(mutation.old) != 1
+
+
+def main() -> int:
+    """Prints the table; 0 if every mutation was caught."""
+    lost = [mutation for mutation in MUTATIONS if misplaced(mutation)]
+    for mutation in lost:
+        print(f"not found exactly once in core/{mutation.file}: {mutation.old}", file=sys.stderr)
+    if lost:
+        return 1
+    if broken := failing_test(None):
+        print(f"the unbroken core fails already: {broken}", file=sys.stderr)
+        return 1
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        caught = list(pool.map(failing_test, MUTATIONS))
+    print("| # | equation | core/ | mutation | caught by |\n|---|---|---|---|---|")
+    for number, (mutation, test) in enumerate(zip(MUTATIONS, caught, strict=True), 1):
+        change = f"`{mutation.old}` -> `{mutation.new}`".replace("|", "\\|")
+        print(f"| {number} | {mutation.equation} | {mutation.file} | {change} | {test or '**survived**'} |")
+    print(f"\n{sum(map(bool, caught))} of {len(MUTATIONS)} caught.")
+    return 0 if all(caught) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
