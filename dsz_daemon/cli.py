@@ -18,7 +18,7 @@ EXIT_INTERRUPTED = 130
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{self.prog}: {message}; see `{self.prog} --help`")
+        raise ConfigError(f"{message}; see `{self.prog} --help`")
 
 
 def _positive(text: str) -> float:
@@ -126,9 +126,9 @@ def _show(arguments: argparse.Namespace, summary: dict[str, Any], words: Callabl
 def _run(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs import live, screen, setup
 
-    prepared = setup.set_up(arguments.config, arguments.bus)
+    prepared = setup.set_up(arguments.config, arguments.bus, live=True)
     screen.print_warnings(prepared.checked.warnings, prepared.checked.notes)
-    options = live.LiveOptions(arguments.record, arguments.output, arguments.duration)
+    options = live.LiveOptions(record=arguments.record, folder=arguments.output, duration_s=arguments.duration)
     summary = live.Live(prepared, options).run()
     return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
 
@@ -190,19 +190,25 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one verb; every failure that a user can mend is one message on standard error."""
+    code = 0
     try:
-        arguments = _parser().parse_args(argv)
-        return int(arguments.call(arguments))
-    except DszError as error:
-        print(f"dsz: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("dsz: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+        try:
+            arguments = _parser().parse_args(argv)
+            code = int(arguments.call(arguments))
+        except DszError as error:
+            code = error.exit_code
+            print(f"dsz: {error}", file=sys.stderr)
+        except KeyboardInterrupt:
+            code = EXIT_INTERRUPTED
+            print("dsz: interrupted", file=sys.stderr)
+        finally:
+            # Python itself would flush too late for a broken pipe to be caught.
+            sys.stdout.flush()
     except BrokenPipeError:
         # The reader of our output went away (`dsz ... | head`); nothing is lost but the words.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return code
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ class ZeroingSettings(_Section):
     prior_std: Annotated[float, Field(gt=0, le=100)]
     goal_std: Annotated[float, Field(gt=0, le=100)]
     largest_offset: Annotated[float, Field(gt=0, le=100)]
+    look_std: Annotated[float, Field(gt=0, le=1e6)] = 1e6
     start_density: Annotated[float, Field(ge=0, le=1e4)] = 0.0
     start_s: Annotated[float, Field(gt=0, le=600)] = 2.0
     standstill_density: Annotated[float, Field(gt=0, le=1e4)] = 0.01
@@ -50,6 +51,7 @@ class ZeroingSettings(_Section):
             gain_limit_per_s=self.gain_limit_per_s,
             noise_density=self.noise_density * to_si**2,
             noise_blocks=self.noise_blocks,
+            look_std=self.look_std * to_si,
             start_density=self.start_density * to_si**2,
             start_s=self.start_s,
             standstill_density=self.standstill_density * to_si**2,
@@ -77,20 +79,20 @@ _YAW_RATE = ZeroingSettings(
     drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30,
 )  # fmt: skip
 # Grade 1.5 deg rms over 300 m and bank 1.5 deg rms over 200 m at 15 m/s, as long-run densities
-# (g sigma)^2 2 L / v. A calm stretch says little about the next hill: hence 60 blocks. Floors: the
-# net climb of a drive; the crossfall (some 0.6 deg) that drains every road to the same side.
+# (g sigma)^2 2 L / v; a single look is off by g sigma. A calm stretch says little about the next hill: hence
+# 60 blocks. Floors: the net climb of a drive; the crossfall (some 0.6 deg) that drains roads to one side.
 # Prior: +-25 mg and +-1 deg (Table 2) and the mount. Drift: 0.1 m/s^2 an hour with temperature.
 _LONGITUDINAL = ZeroingSettings(
-    window_s=300, noise_density=2.6, noise_blocks=60, drift_density=3e-6, floor_std=0.05,
+    window_s=300, noise_density=2.6, look_std=0.26, noise_blocks=60, drift_density=3e-6, floor_std=0.05,
     prior_std=1.0, goal_std=0.2, largest_offset=6,
 )  # fmt: skip
 _LATERAL = ZeroingSettings(
-    window_s=300, noise_density=1.8, noise_blocks=60, drift_density=3e-6, floor_std=0.1,
+    window_s=300, noise_density=1.8, look_std=0.26, noise_blocks=60, drift_density=3e-6, floor_std=0.1,
     prior_std=1.0, goal_std=0.2, largest_offset=6, gain_limit_per_s=1.0,
 )  # fmt: skip
 # g cos(slope) loses 0.03 m/s^2 at 4.5 deg; heave averages out within seconds.
 _VERTICAL = ZeroingSettings(
-    window_s=120, noise_density=0.02, noise_blocks=10, drift_density=3e-6, floor_std=0.03,
+    window_s=120, noise_density=0.02, look_std=0.1, noise_blocks=10, drift_density=3e-6, floor_std=0.03,
     prior_std=1.0, goal_std=0.1, largest_offset=6,
 )  # fmt: skip
 

@@ -6,6 +6,7 @@ where a user sets them; this file only names them.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -38,7 +39,9 @@ class ZeroingTuning(NamedTuple):
     target minus offset: `noise_density` while driving, `start_density` more of it at first (fading
     over `start_s`), `standstill_density` at rest; `noise_blocks` is how many blocks of observed scatter
     it takes to outvote the first. `drift_density` is the offset's random walk (unit^2/s), `floor_std`
-    what no averaging removes, `prior_std` the data sheet's word before anything was learnt.
+    what no averaging removes, `prior_std` the data sheet's word before anything was learnt. `look_std`
+    is how far off a single look of some `look_s` may be (the slow process's own scatter): where less than
+    that is known, one look tells it.
     """
 
     window_s: float
@@ -53,6 +56,8 @@ class ZeroingTuning(NamedTuple):
     prior_std: float
     goal_std: float
     largest_offset: float
+    look_std: float = math.inf
+    look_s: float = 1.0
 
 
 class Tuning(NamedTuple):

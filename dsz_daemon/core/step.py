@@ -148,7 +148,9 @@ def _channel(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Re
         verdict = ChannelState.CONVERGED
     else:
         verdict = ChannelState.LEARNING if gate else ChannelState.HOLDING
-    return ChannelOutput(reading, zeroing.compensated(reading, state), 0.0 - state.correction, std, verdict, gate, reason)
+    return ChannelOutput(
+        reading, zeroing.compensated(reading, state), 0.0 - state.correction, std, verdict, gate, reason
+    )
 
 
 def _output(

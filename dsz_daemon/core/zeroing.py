@@ -98,6 +98,30 @@ def limited_step(variance: float, density: float, drift: float, limit_per_s: flo
     return Step(1.0 - (1.0 - first.share) * (1.0 - then.share), then.variance)
 
 
+def first_looks(variance: float, density: float, tuning: ZeroingTuning, dt_s: float) -> Step:
+    """The scheduled gain, quicker while less is known than a single look tells (P > look_std^2).
+
+    A slow process (bank, grade) is nearly constant over a look: its mean over T scatters by
+    look_std for small T and by sqrt(S/T) only for large T. White noise of density S would claim
+    that nothing is learnt before S/P seconds.
+    """
+    drift, limit = tuning.drift_density, tuning.gain_limit_per_s
+    told = tuning.look_std**2
+    if variance <= told:
+        return limited_step(variance, density, drift, limit, dt_s)
+    quick = min(density, told * tuning.look_s)
+    # Time until P has come down to `told`: at the limited gain first, then 1/P grows by t/quick.
+    edge = min(variance, max(told, limit * quick))
+    steady = 0.5 * limit * quick
+    at_limit_s = 0.5 * math.log((variance - steady) / (edge - steady)) / limit if edge < variance else 0.0
+    seconds = at_limit_s + quick * (1.0 / told - 1.0 / edge)
+    looking = limited_step(variance, quick, drift, limit, min(dt_s, seconds))
+    if seconds >= dt_s:
+        return looking
+    then = limited_step(looking.variance, density, drift, limit, dt_s - seconds)
+    return Step(1.0 - (1.0 - looking.share) * (1.0 - then.share), then.variance)
+
+
 def zeroed(
     state: ZeroingState,
     target: float,
@@ -119,7 +143,7 @@ def zeroed(
     if constant_gain:
         step = constant_step(state.variance, density, drift, 1.0 / tuning.window_s, dt_s)
     else:
-        step = limited_step(state.variance, density, drift, tuning.gain_limit_per_s, dt_s)
+        step = first_looks(state.variance, density, tuning, dt_s)
     moved = state._replace(
         correction=state.correction + step.share * (c * target - state.correction), variance=step.variance
     )

@@ -20,19 +20,26 @@ _LARGEST_JUMP = dict.fromkeys(GYRO_CHANNELS, 1.0) | dict.fromkeys(ACCEL_CHANNELS
 # Three times the longest that a working sensor repeated itself while the wheels' speed changed, in
 # the same recordings: 0.97 s (a yaw rate in steps of 0.24 deg/s) and 0.31 s (accelerations at 10 Hz).
 _PATIENCE_NS = dict.fromkeys(GYRO_CHANNELS, 3_000_000_000) | dict.fromkeys(ACCEL_CHANNELS, 1_000_000_000)
+# A coarser sensor has shown that by its own longest repeat: the same factor is allowed on that.
+_PATIENCE = 3
 # Wheel speeds of a car that drives change within 0.44 s there; a car at rest shakes no sensor.
 _WHEELS_CHANGE_NS = 500_000_000
-# A sensor that was never seen alive may be a very coarse one: `plausibility` speaks of that.
+# What was never seen alive can't be told from a very coarse sensor: `plausibility` speaks of that.
 _ALIVE_CHANGES = 20
 
 
 class _Seen(NamedTuple):
-    """One channel: its last sample, one that jumped off and waits for its next, signs of life, time frozen."""
+    """One channel's memory.
 
-    last: Sample
+    Its last sample, one that jumped off and waits for its next, how often it changed, for how long
+    it has repeated itself while the car moved, and the longest that it did and then went on.
+    """
+
+    last: Sample | None = None
     suspect: Sample | None = None
     changes: int = 0
     still_ns: int = 0
+    longest_ns: int = 0
 
 
 @dataclass
@@ -49,51 +56,58 @@ class SensorWatch:
 
     def passed(self, sample: Sample) -> tuple[Sample, ...]:
         """What of this sample, and of the one before it, can be used."""
-        limit = _LARGEST_JUMP.get(sample.role)
-        if limit is None:
-            if sample.role in WHEEL_SPEEDS:
-                if self.wheels.get(sample.role, sample.value) != sample.value:
+        role = sample.role
+        if role not in _LARGEST_JUMP:
+            if role in WHEEL_SPEEDS:
+                if self.wheels.get(role, sample.value) != sample.value:
                     self.wheels_changed_ns = sample.t_ns
-                self.wheels[sample.role] = sample.value
+                self.wheels[role] = sample.value
             return (sample,)
-        old = self.seen.get(sample.role)
-        if old is None:
-            self.seen[sample.role] = _Seen(sample)
+        old = self.seen.get(role, _Seen())
+        last, suspect, changes, still_ns, longest_ns = old
+        if last is None:
+            self.seen[role] = old._replace(last=sample)
             return (sample,)
-        return self._without_spike(old, sample, limit) if self._is_alive(old, sample) else ()
+        if still_ns == 0 and suspect is None and 0.0 < abs(sample.value - last.value) <= _LARGEST_JUMP[role]:
+            # Nearly every sample; the rest of this method comes to the same.
+            self.seen[role] = _Seen(sample, None, changes + 1, 0, longest_ns)
+            return (sample,)
+        patience_ns = max(_PATIENCE_NS[role], _PATIENCE * longest_ns)
+        old = self._lived(old, last, sample, patience_ns)
+        if old.changes >= _ALIVE_CHANGES and old.still_ns > patience_ns:
+            self.seen[role] = old._replace(last=sample)
+            self.refused.append(Refusal(role, "frozen"))
+            return ()
+        return self._without_spike(old, sample, _LARGEST_JUMP[role])
 
     def forget(self) -> None:
         """What comes after a gap or a clock step is not compared with what was before it."""
-        self.seen.clear()
+        for role, old in self.seen.items():
+            self.seen[role] = old._replace(last=None, suspect=None, still_ns=0)
         self.wheels.clear()
         self.wheels_changed_ns = None
 
-    def _is_alive(self, old: _Seen, sample: Sample) -> bool:
-        """Whether the channel still moves, as it did before, while the car does."""
-        role = sample.role
-        if sample.value != old.last.value:
-            self.seen[role] = old._replace(changes=old.changes + 1, still_ns=0)
-            return True
+    def _lived(self, old: _Seen, last: Sample, sample: Sample, patience_ns: int) -> _Seen:
+        """The channel's signs of life with one more sample."""
+        if sample.value != last.value:
+            went_on_ns = old.still_ns if old.still_ns <= patience_ns else 0
+            return old._replace(changes=old.changes + 1, still_ns=0, longest_ns=max(old.longest_ns, went_on_ns))
         changed_ns = self.wheels_changed_ns
-        is_moving = changed_ns is not None and 0 <= sample.t_ns - changed_ns < _WHEELS_CHANGE_NS
-        still_ns = old.still_ns + (max(0, sample.t_ns - old.last.t_ns) if is_moving else 0)
-        self.seen[role] = old._replace(last=sample, still_ns=still_ns)
-        if old.changes < _ALIVE_CHANGES or still_ns <= _PATIENCE_NS[role]:
-            return True
-        self.refused.append(Refusal(role, "frozen"))
-        return False
+        if changed_ns is None or not 0 <= sample.t_ns - changed_ns < _WHEELS_CHANGE_NS:
+            return old
+        return old._replace(still_ns=old.still_ns + max(0, sample.t_ns - last.t_ns))
 
     def _without_spike(self, old: _Seen, sample: Sample, limit: float) -> tuple[Sample, ...]:
         """A sample that jumps off is used once the next one stays with it; one that does not was a spike."""
-        role, suspect = sample.role, old.suspect
-        is_near = abs(sample.value - old.last.value) <= limit
+        role, suspect, last = sample.role, old.suspect, old.last
+        passed: tuple[Sample, ...] = (sample,)
         if suspect is not None and abs(sample.value - suspect.value) <= limit:
-            self.seen[role] = self.seen[role]._replace(last=sample, suspect=None)
-            return (suspect, sample)
-        if suspect is not None:
-            self.refused.append(Refusal(role, "spike"))
-        if is_near:
-            self.seen[role] = self.seen[role]._replace(last=sample, suspect=None)
-            return (sample,)
-        self.seen[role] = self.seen[role]._replace(suspect=sample)
-        return ()
+            passed = (suspect, sample)
+        else:
+            if suspect is not None:
+                self.refused.append(Refusal(role, "spike"))
+            if last is not None and abs(sample.value - last.value) > limit:
+                self.seen[role] = old._replace(suspect=sample)
+                return ()
+        self.seen[role] = old._replace(last=sample, suspect=None)
+        return passed

@@ -113,7 +113,7 @@ class Live:
     def _take(self, rows: list[Row], buses: Buses) -> None:
         self._missed += max(0, len(rows) - 1)
         for row in rows:
-            frames = self._encoder.encode(row)
+            frames = self._encoder.encode(row._replace(counters=row.counters._replace(missed_ticks=self._missed)))
             if row is rows[-1]:
                 self._send(frames, buses)
             if self._results is not None:

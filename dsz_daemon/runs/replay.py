@@ -13,11 +13,11 @@ from dsz_daemon.edge.bus import Buses
 from dsz_daemon.edge.clock import Clock, ScaledClock
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
-from dsz_daemon.errors import InputError
+from dsz_daemon.errors import ConfigError, InputError
 from dsz_daemon.pipeline.cycles import CycleWatch
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.pipeline.rows import Row
-from dsz_daemon.runs.results import ResultFiles
+from dsz_daemon.runs.results import RESULT_NAMES, ResultFiles
 from dsz_daemon.runs.setup import set_up
 from dsz_daemon.runs.summary import RunSummary
 from dsz_daemon.runs.truth import read_truth
@@ -42,6 +42,8 @@ def replay(
     the summary says `interrupted`.
     """
     setup = set_up(config)
+    known = None if truth is None else read_truth(truth)
+    _keep_input(logs, folder)
     encoder = setup.encoder()
     decoder = setup.decoder(encoder)
     loop = setup.loop(decoder)
@@ -84,10 +86,16 @@ def replay(
     if interrupted:
         result["warnings"].insert(0, "interrupted: only the part of the recording up to then was replayed")
     if summary.rows == 0 and not interrupted:
-        raise InputError(_nothing_wanted(logs, report, decoder.wanted_ids()))
-    known = None if truth is None else read_truth(truth)
+        raise InputError(_nothing_wanted(logs, report, decoder.wanted_ids(), decoded.samples))
     results.conclude(result, f"Replay of {', '.join(path.name for path in logs)}", known)
     return result
+
+
+def _keep_input(logs: Sequence[Path], folder: Path) -> None:
+    """A recording called as one of the results, in their folder, would be gone before it is read."""
+    for log in logs:
+        if log.name in RESULT_NAMES and log.resolve().parent == folder.resolve():
+            raise ConfigError(f"{log}: the results would be written over it; expected another folder for -o")
 
 
 class Player:
@@ -95,7 +103,12 @@ class Player:
 
     def __init__(self, bus: str) -> None:
         name = bus if ":" in bus else f"socketcan:{bus}"
-        _, settings = parsed_bus(f"out={name}")
+        try:
+            _, settings = parsed_bus(f"out={name}")
+        except ValueError:
+            raise ConfigError(
+                f"--to {bus!r}: expected a SocketCAN interface, or INTERFACE:CHANNEL, e.g. vcan0 or virtual:demo"
+            ) from None
         self._buses = Buses({"out": settings.arguments})
 
     def __enter__(self) -> Player:
@@ -142,8 +155,10 @@ def _log_warnings(report: LogReport) -> list[str]:
     return words
 
 
-def _nothing_wanted(logs: Sequence[Path], report: LogReport, wanted: frozenset[tuple[int, bool]]) -> str:
+def _nothing_wanted(logs: Sequence[Path], report: LogReport, wanted: frozenset[tuple[int, bool]], samples: int) -> str:
     names = ", ".join(str(path) for path in logs)
+    if samples:
+        return f"{names}: too short: {samples} values, but not one step of the loop between the first and the last"
     ids = ", ".join(f"{can_id:08X}" if extended else f"{can_id:03X}" for can_id, extended in sorted(wanted)[:12])
     channels = ", ".join(sorted(report.channels))
     return (

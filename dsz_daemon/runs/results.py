@@ -20,6 +20,8 @@ from dsz_daemon.runs.setup import Setup
 from dsz_daemon.runs.summary import write_json
 from dsz_daemon.runs.truth import errors_against_truth
 
+RESULT_NAMES = ("samples.parquet", "compensated.log", "summary.json", "report.html")
+
 
 def output_folder(path: Path) -> Path:
     """Makes the folder; a clear error before any work where it can't be written."""
@@ -38,6 +40,12 @@ class ResultFiles:
 
     def __init__(self, folder: Path, setup: Setup) -> None:
         self.folder = output_folder(folder)
+        for name in ("summary.json", "report.html"):
+            # Written last: until then an older run's must not stand beside this one's rows.
+            try:
+                (folder / name).unlink(missing_ok=True)
+            except OSError as error:
+                raise MachineError(f"{folder / name}: can't be replaced: {error.strerror or error}") from error
         self._samples = SamplesWriter(folder / "samples.parquet", setup.channels, sorted(setup.roles))
         self._log = CandumpWriter(folder / "compensated.log")
         self._stack = ExitStack()

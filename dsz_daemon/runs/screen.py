@@ -16,6 +16,13 @@ from rich.table import Table
 _SHOWN = {"rad/s": (180.0 / math.pi, "deg/s", 3), "m/s^2": (1.0, "m/s^2", 3)}
 
 
+class _Console(Console):
+    """rich would end the process with 1 where the reader of a pipe went away; `cli.main` knows better."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 @contextmanager
 def progress(what: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on a terminal (standard error), nothing in a pipe; yields what to call with (done, all)."""
@@ -69,7 +76,7 @@ def print_run(summary: dict[str, Any], folder: Path | None) -> None:
                 show(other[f"{key}_mean"] - other["reference_mean"]) if other else "-" for key in ("raw", "compensated")
             ]
         table.add_row(name, unit, *cells, row["state"])
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console = _Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     console.print(table)
     counts = summary["counts"]
     print(

@@ -84,14 +84,25 @@ class Setup:
         return Plausibility(self.settings.vehicle.car(), 1.0 / self.settings.loop.rate_hz)
 
 
-def set_up(config: Path, buses: Sequence[str] = ()) -> Setup:
-    """Reads and checks the configuration; every fault at once as one ConfigError."""
+def set_up(config: Path, buses: Sequence[str] = (), live: bool = False) -> Setup:
+    """Reads and checks the configuration; every fault at once as one ConfigError.
+
+    `buses` are the command line's; `live` also asks that every channel named is one of the buses.
+    """
     checked = check_configuration(config, extra_checks=(stability_faults,))
-    settings = override_bus(checked.settings, buses) if buses else checked.settings
+    settings = override_bus(checked.settings, buses) if live or buses else checked.settings
     setup = Setup(config, settings, checked)
     if setup.output_bus not in settings.buses:
         known = ", ".join(settings.buses)
         raise ConfigError(f"{config}: output.bus: there is no bus {setup.output_bus!r}; expected one of {known}")
+    published = setup.encoder().published_ids
+    taken = [m for m in checked.resolved.messages.values() if (m.frame_id, m.is_extended_frame) in published]
+    if taken:
+        names = ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
+        raise ConfigError(
+            f"{config}: output.base_id: 0x{settings.output.base_id:X} gives our own messages the ids of {names}, "
+            "which would never be read; expected ids that no mapped message has"
+        )
     return setup
 
 

@@ -1,10 +1,10 @@
 """Does the core's suite notice a broken core? One mutation at a time, in a copy; run me by hand.
 
-    python tests/mutation/mutations.py
+    python tests/mutation/mutations.py [FILE...]
 
 copies the package and the core's tests to a temporary folder, applies one mutation, runs the core's
-tests against the copy and prints a Markdown table of which test caught it. Exit code 1 if one
-survives, if its text is not found exactly once, or if the unbroken copy fails. Mutations that
+tests against the copy and prints a Markdown table of which test caught it; with names such as
+step.py only the mutations of those files. Exit code 1 if one survives, if its text is not found exactly once, or if the unbroken copy fails. Mutations that
 change nothing that can be seen are not listed: a survivor is a missing test.
 """
 
@@ -74,11 +74,26 @@ MUTATIONS = (
     Mutation("speed.py", "wheel yaw rate", "(inputs.wheel_speed_rr - inputs.wheel_speed_rl)", "(inputs.wheel_speed_rl - inputs.wheel_speed_rr)"),
     Mutation("speed.py", "v'", "(smoothed - state.smoothed_mps) / dt_s", "(smoothed - state.smoothed_mps)"),
     Mutation("speed.py", "standstill", "and abs(speed) < limit else 0.0", "else 0.0"),
+    Mutation("speed.py", "reverse", "fl, fr, rl, rr = (-wheel for wheel in wheels)", "fl, fr, rl, rr = (wheel for wheel in wheels)"),
+    # motion: who takes what from whom
+    Mutation("motion.py", "steering from wheels", "car.wheelbase_m * wheels / v", "-car.wheelbase_m * wheels / v"),
+    Mutation("motion.py", "(21) from (9)'s derivative", "motion.v, motion.v_rate, observer", "motion.v, 0.0, observer"),
+    Mutation("motion.py", "(4) suspension's input", "for a in (references[1], references[0])", "for a in (references[0], references[1])"),
+    Mutation("motion.py", "(18) roll seen", "kinematics.roll_from_acceleration(ay,", "kinematics.roll_from_acceleration(-ay,"),
+    Mutation("motion.py", "(17) pitch seen", "kinematics.pitch_from_acceleration(ax,", "kinematics.pitch_from_acceleration(-ax,"),
+    Mutation("motion.py", "adapted stiffness", "        Cr,\n        motion.v,", "        car.rear_cornering_stiffness_n_per_rad,\n        motion.v,"),
+    Mutation("motion.py", "rolling yaw rate", "motion.v * delta / car.wheelbase_m, 0.0)", "-motion.v * delta / car.wheelbase_m, 0.0)"),
+    Mutation("bicycle.py", "rolling sideslip", "math.atan(lr * math.tan(delta) / (lf + lr))", "math.atan(lf * math.tan(delta) / (lf + lr))"),
     # zeroing
     Mutation("step.py", "(11), (13), (15)", "law, reading, 0.0, reason", "law, -reading, 0.0, reason"),
     Mutation("step.py", "(24)-(28)", "target = reference - reading", "target = reading - reference"),
     Mutation("step.py", "(26) c_y", "tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y)", "tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s)"),
-    Mutation("step.py", "order: gyros before attitude", "p=zeroing.compensated(inputs.gyro_x, state.gyro_x)", "p=inputs.gyro_x"),
+    Mutation("step.py", "(10)", "p=zeroing.compensated(inputs.gyro_x, state.gyro_x)", "p=inputs.gyro_x"),
+    Mutation("step.py", "(12)", "q=zeroing.compensated(inputs.gyro_y, state.gyro_y)", "q=inputs.gyro_y"),
+    Mutation("step.py", "(4) into (7)", "observed_motion(car, tuning, state, motion, ay_road, dt_s)", "observed_motion(car, tuning, state, motion, ay, dt_s)"),
+    Mutation("step.py", "yaw rate first", "yaw_std = zeroing.offset_std(state.gyro_z, tuning.gyro_z)", "yaw_std = 0.0"),
+    Mutation("step.py", "implausible", "if not abs(target) <= law.largest_offset:", "if not target <= law.largest_offset:"),
+    Mutation("step.py", "bad input", "x if math.isfinite(x) else NAN", "x"),
     Mutation("step.py", "(14)", "r=used_yaw_rate(zeroing.compensated(inputs.gyro_z, state.gyro_z)", "r=used_yaw_rate(inputs.gyro_z"),
     Mutation("step.py", "(25)", "ay = zeroing.compensated(inputs.accel_y, state.accel_y)", "ay = inputs.accel_y"),
     Mutation("zeroing.py", "gain P/S", "D = cosh + variance / density * over_k", "D = cosh + 2.0 * variance / density * over_k"),
@@ -87,6 +102,9 @@ MUTATIONS = (
     Mutation("zeroing.py", "(10)", "return reading + state.correction", "return reading - state.correction"),
     Mutation("zeroing.py", "hold", "state.variance + tuning.drift_density * dt_s", "state.variance"),
     Mutation("zeroing.py", "scatter", "length * rest * rest / left", "length * rest * rest"),
+    Mutation("zeroing.py", "gain's limit", "0.5 * math.log((variance - steady) / (least - steady))", "math.log((variance - steady) / (least - steady))"),
+    Mutation("zeroing.py", "first looks", "quick * (1.0 / told - 1.0 / edge)", "quick * (1.0 / told + 1.0 / edge)"),
+    Mutation("zeroing.py", "c_y in the scatter", "state.variance, c * target, block_s", "state.variance, target, block_s"),
     # gates
     Mutation("gates.py", "(15)", "if abs(delta) <= tuning.k_r_rad", "if delta <= tuning.k_r_rad"),
     Mutation("gates.py", "(29)", "state.square[i] - state.mean[i] ** 2", "state.square[i]"),
@@ -106,9 +124,8 @@ MUTATIONS = (
 
 
 def copied(folder: Path) -> None:
-    """Package and core tests as they stand, with a guard that they are what gets imported."""
-    ignore = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "dsz_daemon", folder / "dsz_daemon", ignore=ignore)
+    """Package and core tests as they stand now, with a guard that they are what gets imported."""
+    shutil.copytree(ROOT / "dsz_daemon", folder / "dsz_daemon", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", folder)
     for where, pattern in zip(TESTS, ("*core_*.py", "test_core_*.py", "test_spread.py"), strict=True):
         (folder / where).mkdir(parents=True)
@@ -117,51 +134,66 @@ def copied(folder: Path) -> None:
     (folder / "conftest.py").write_text(GUARD, encoding="utf-8")
 
 
-def failing_test(mutation: Mutation | None) -> str:
+def in_order(snapshot: Path, mutation: Mutation | None) -> list[str]:
+    """The test files, those of the mutated room first: only to be done sooner."""
+    room = "" if mutation is None else Path(mutation.file).stem
+    rooms = {"attitude": ("kinematics",), "motion": ("step",), "state": ("step",), "step": ("step", "stability")}
+    names = [f"test_core_{name}" for name in rooms.get(room, (room,))]
+    files = [path.relative_to(snapshot) for where in TESTS for path in sorted((snapshot / where).glob("test_*.py"))]
+    return [str(path) for path in sorted(files, key=lambda path: path.stem not in names)]
+
+
+def failing_test(snapshot: Path, mutation: Mutation | None) -> str:
     """The first test that fails in a mutated copy; "" if all pass. RuntimeError if the run itself broke."""
     with tempfile.TemporaryDirectory(prefix="mutation-") as name:
         folder = Path(name)
-        copied(folder)
+        shutil.copytree(snapshot, folder, dirs_exist_ok=True)
         if mutation is not None:
             path = folder / "dsz_daemon" / "core" / mutation.file
             path.write_text(path.read_text(encoding="utf-8").replace(mutation.old, mutation.new), encoding="utf-8")
         # Bytecode is told apart by time and size only: a mutation of equal length could run unmutated.
         env = {**os.environ, "PYTHONPATH": name, "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider", *TESTS]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider"]
+        command += in_order(snapshot, mutation)
         run = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=300)
     if run.returncode == 0:
         return ""
-    failed = re.search(r"^FAILED \S*/(\S+?\.py::\S+)", run.stdout, re.MULTILINE)
+    failed = re.search(r"^FAILED \S*/(\S+?\.py::.+?)(?: - |$)", run.stdout, re.MULTILINE)
     if run.returncode != 1 or failed is None:
         raise RuntimeError(f"{mutation}: pytest ended with {run.returncode}\n{run.stdout[-2000:]}{run.stderr[-2000:]}")
     return failed.group(1)
 
 
-def misplaced(mutation: Mutation) -> bool:
+def misplaced(snapshot: Path, mutation: Mutation) -> bool:
     """Whether the text to mutate does not stand exactly once."""
-    text = (ROOT / "dsz_daemon" / "core" / mutation.file).read_text(encoding="utf-8")
+    text = (snapshot / "dsz_daemon" / "core" / mutation.file).read_text(encoding="utf-8")
     return text.count(mutation.old) != 1
 
 
-def main() -> int:
-    """Prints the table; 0 if every mutation was caught."""
-    lost = [mutation for mutation in MUTATIONS if misplaced(mutation)]
-    for mutation in lost:
-        print(f"not found exactly once in core/{mutation.file}: {mutation.old}", file=sys.stderr)
-    if lost:
-        return 1
-    if broken := failing_test(None):
-        print(f"the unbroken core fails already: {broken}", file=sys.stderr)
-        return 1
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        caught = list(pool.map(failing_test, MUTATIONS))
+def main(files: list[str]) -> int:
+    """Prints the table; 0 if every mutation (of these files, if any are named) was caught."""
+    mutations = [mutation for mutation in MUTATIONS if not files or mutation.file in files]
+    with tempfile.TemporaryDirectory(prefix="mutation-snapshot-") as name:
+        # One snapshot for all: the checkout may change while this runs.
+        snapshot = Path(name)
+        copied(snapshot)
+        lost = [mutation for mutation in mutations if misplaced(snapshot, mutation)]
+        for mutation in lost:
+            print(f"not found exactly once in core/{mutation.file}: {mutation.old}", file=sys.stderr)
+        if lost:
+            return 1
+        if broken := failing_test(snapshot, None):
+            print(f"the unbroken core fails already: {broken}", file=sys.stderr)
+            return 1
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            caught = list(pool.map(lambda mutation: failing_test(snapshot, mutation), mutations))
     print("| # | equation | core/ | mutation | caught by |\n|---|---|---|---|---|")
-    for number, (mutation, test) in enumerate(zip(MUTATIONS, caught, strict=True), 1):
+    for number, (mutation, test) in enumerate(zip(mutations, caught, strict=True), 1):
         change = f"`{mutation.old}` -> `{mutation.new}`".replace("|", "\\|")
         print(f"| {number} | {mutation.equation} | {mutation.file} | {change} | {test or '**survived**'} |")
-    print(f"\n{sum(map(bool, caught))} of {len(MUTATIONS)} caught.")
+    print(f"\n{sum(map(bool, caught))} of {len(mutations)} caught.")
     return 0 if all(caught) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -133,14 +133,14 @@ class Motion(NamedTuple):
 
 
 def motion() -> Motion:
-    """At rest, 4 m/s^2 to 12 m/s, six slalom bends of up to 14 deg/s, -2 m/s^2 to 9 m/s."""
+    """At rest, 4 m/s^2 to 12 m/s, four slalom bends of up to 18 deg/s, -2 m/s^2 to 9 m/s."""
     t = np.arange(0.0, DURATION_S + 0.5, 0.002)
     v_rate = np.where((t >= SPEEDS_UP_S[0]) & (t < SPEEDS_UP_S[1]), 4.0, 0.0)
     v_rate = np.where((t >= BRAKES_S[0]) & (t < BRAKES_S[1]), -2.0, v_rate)
     v = np.concatenate([[0.0], np.cumsum(v_rate[:-1]) * 0.002])
     phase = (t - SLALOM_S[0]) / (SLALOM_S[1] - SLALOM_S[0])
     # A sine within half of one: neither a jump in yaw acceleration at its ends nor a turn that is left.
-    r = np.where((phase > 0.0) & (phase < 1.0), 0.25 * np.sin(6 * np.pi * phase) * np.sin(np.pi * phase), 0.0)
+    r = np.where((phase > 0.0) & (phase < 1.0), 0.35 * np.sin(4 * np.pi * phase) * np.sin(np.pi * phase), 0.0)
     length = FRONT_M + REAR_M
     vy = REAR_M * r - v * MASS_KG * FRONT_M * r * v / (2.0 * length * REAR_N_PER_RAD)
     ay = np.gradient(vy, t) + r * v
@@ -215,13 +215,12 @@ def edited(text: str, *edits: tuple[str, str]) -> str:
 
 def words_changed(sent: Sequence[Sent], can_id: int, layout: str, change: Callable[..., Sequence[float]]) -> list[Sent]:
     """The same frames with those of `can_id` unpacked by `layout`, changed (t_s, *values) and packed again."""
-    result = []
-    for frame in sent:
-        if frame.can_id == can_id:
-            values = change(frame.t_s, *struct.unpack(layout, frame.data))
-            frame = frame._replace(data=struct.pack(layout, *values))
-        result.append(frame)
-    return result
+
+    def changed(frame: Sent) -> Sent:
+        values = change(frame.t_s, *struct.unpack(layout, frame.data))
+        return frame._replace(data=struct.pack(layout, *values))
+
+    return [changed(frame) if frame.can_id == can_id else frame for frame in sent]
 
 
 def write(folder: Path, sent: Sequence[Sent], config: str = CONFIG, dbc: str = DBC) -> tuple[Path, Path]:

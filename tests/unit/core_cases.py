@@ -51,6 +51,7 @@ def law(**changed: float) -> ZeroingTuning:
         window_s=10.0,
         gain_limit_per_s=1e18,
         noise_density=1.0,
+        look_std=math.inf,
         noise_blocks=1e15,
         start_density=0.0,
         standstill_density=0.1,

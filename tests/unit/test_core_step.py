@@ -139,9 +139,9 @@ def test_sine_steer_the_offsets_are_found_and_kept() -> None:
     for name, offset in OFFSETS.items():
         kind = name[:4]
         before, after = (getattr(at(outputs, t), name).offset for t in (40.0, 53.0))
-        # 1 % of a plain mean, started from nothing within a gain limit; a_y starts when the yaw rate is zeroed.
+        # What is left of the prior (0): least for gyros, a tenth for a_y, which starts last and at a limited gain.
         assert after == pytest.approx(before, abs=0.01 * DEG if kind == "gyro" else 0.01)
-        assert getattr(outputs[-1], name).offset == pytest.approx(offset, abs=0.02 * DEG if kind == "gyro" else 0.015)
+        assert getattr(outputs[-1], name).offset == pytest.approx(offset, abs=0.02 * DEG if kind == "gyro" else 0.025)
 
 
 def test_sine_steer_the_observer_follows_the_car() -> None:
@@ -205,6 +205,16 @@ def test_a_steady_turn_on_a_flat_road_is_known_in_every_quantity() -> None:
     assert (last.gyro_x.offset, last.gyro_y.offset, last.gyro_z.offset) == (0.0, 0.0, 0.0)
 
 
+def test_what_is_taken_out_of_the_gyros_stays_out_of_attitude_and_references() -> None:
+    """Raw, 0.8 and -1.1 deg/s for the attitude's 5 s would be 4 and -5.5 deg, and -q v in (22) +0.38 m/s^2."""
+    parked, _ = drive(biased(straight(0.0)), 10.0)
+    level = biased(straight(20.0))._replace(accel_x=0.0, accel_y=0.0)
+    _, outputs = drive(level, 30.0, state=resumed(parked, DEFAULTS, 0.0))
+    assert outputs[-1].roll_rad == pytest.approx(0.0, abs=0.05 * DEG)
+    assert outputs[-1].pitch_rad == pytest.approx(0.0, abs=0.05 * DEG)
+    assert outputs[-1].accel_z_reference_mps2 == pytest.approx(G, abs=0.003)
+
+
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_turning_holds_roll_and_pitch_rate_but_not_as_printed(as_printed: bool) -> None:
     """PAPER item 7: as printed, a steady q in a turn is learnt as offset."""
@@ -263,7 +273,7 @@ def test_a_car_with_only_yaw_rate_ax_ay() -> None:
         assert math.isnan(channel.raw)
         assert math.isnan(channel.compensated)
         assert channel.offset == 0.0
-    for name, tolerance in (("gyro_z", 0.02 * DEG), ("accel_x", 0.015), ("accel_y", 0.015)):
+    for name, tolerance in (("gyro_z", 0.02 * DEG), ("accel_x", 0.025), ("accel_y", 0.025)):
         assert getattr(last, name).offset == pytest.approx(OFFSETS[name], abs=tolerance)
         assert getattr(last, name).gate
 
@@ -272,7 +282,7 @@ def test_a_car_without_steering_takes_it_from_the_wheels() -> None:
     _, outputs = drive(lambda t: sine_steer(t)._replace(road_wheel_angle=NAN), 70.0, dt_s=DT)
     assert at(outputs, 44.5).gyro_z.reason is Reason.STEERING_LARGE
     for name, offset in OFFSETS.items():
-        assert getattr(outputs[-1], name).offset == pytest.approx(offset, abs=0.02 * DEG if "gyro" in name else 0.02)
+        assert getattr(outputs[-1], name).offset == pytest.approx(offset, abs=0.02 * DEG if "gyro" in name else 0.025)
         assert getattr(outputs[-1], name).gate
 
 

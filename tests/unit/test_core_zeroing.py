@@ -148,6 +148,44 @@ def test_the_gain_is_limited_and_the_variance_knows() -> None:
     assert slow.correction == pytest.approx(0.02 / 1.02, rel=1e-12)
 
 
+def test_a_look_tells_at_once_what_a_look_can_tell() -> None:
+    """A slow process of std 0.5, density 4: information grows by 1 / (0.5^2 * 1 s) up to 1 / 0.5^2, then by 1/4.
+
+    From a prior of 2 (information 0.25): 4 after 3.75 / 4 = 0.9375 s, 4 + 2/4 two seconds later. The mean
+    weighs accordingly: what came within the look has 3.75 of 4.5, later seconds 0.25 each.
+    """
+    tuning = law(noise_density=4.0, look_std=0.5, prior_std=2.0)
+    for steps in (1, 3, 47):
+        looking = learnt(zeroing.unlearnt(tuning), [1.0] * steps, tuning, 0.9375 / steps)
+        assert looking.variance == pytest.approx(0.25, rel=1e-9)
+        assert looking.correction == pytest.approx(3.75 / 4.0, rel=1e-9)
+        later = learnt(looking, [-1.0] * steps, tuning, 2.0 / steps)
+        assert later.variance == pytest.approx(1.0 / 4.5, rel=1e-9)
+        assert later.correction == pytest.approx((3.75 - 0.5) / 4.5, rel=1e-9)
+    across = learnt(zeroing.unlearnt(tuning), [1.0], tuning, 2.9375)
+    assert across.variance == pytest.approx(1.0 / 4.5, rel=1e-9)
+    assert across.correction == pytest.approx(4.25 / 4.5, rel=1e-9)
+
+
+def test_a_look_under_the_gains_limit() -> None:
+    """The same with at most 1/s, by Runge-Kutta of e' = g (target - e), P' = -2 g P + g^2 s with g = min(1, P/s),
+
+    s being 0.25 while P > 0.25 and 4 afterwards.
+    """
+
+    def rate(x: np.ndarray) -> np.ndarray:
+        e, P = x
+        s = 0.25 if P > 0.25 else 4.0
+        g = min(1.0, P / s)
+        return np.array([g * (1.0 - e), -2.0 * g * P + g * g * s])
+
+    tuning = law(noise_density=4.0, look_std=0.5, prior_std=2.0, gain_limit_per_s=1.0)
+    for seconds, steps in ((0.5, 1), (3.0, 1), (3.0, 150)):
+        state = learnt(zeroing.unlearnt(tuning), [1.0] * steps, tuning, seconds / steps)
+        expected = rk4(rate, np.array([0.0, 4.0]), seconds, 20000)
+        np.testing.assert_allclose([state.correction, state.variance], expected, rtol=1e-4)
+
+
 # --- composition -------------------------------------------------------------------------------
 
 
@@ -165,13 +203,24 @@ def test_the_gain_is_limited_and_the_variance_knows() -> None:
 def test_one_step_of_2_dt_is_two_of_dt(
     e: float, P: float, target: float, dt: float, drift: float, c: float, standstill: bool, constant: bool
 ) -> None:
-    """To rounding, for the printed and the scheduled gain, driving and standing."""
+    """To rounding, for the printed and the scheduled gain, driving and standing (looks: see below)."""
     tuning, start = law(drift_density=drift), ZeroingState(e, P)
     once = learnt(start, [target], tuning, 2.0 * dt, c, standstill, constant)
     twice = learnt(start, [target] * 2, tuning, dt, c, standstill, constant)
     assert twice.correction == pytest.approx(once.correction, rel=1e-12, abs=1e-12)
     assert twice.variance == pytest.approx(once.variance, rel=1e-12)
     assert twice.driven_s == pytest.approx(once.driven_s, rel=1e-12)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.floats(1e-3, 30.0), st.floats(0.001, 3.0), st.sampled_from([0.5, 2.0, 1e6]))
+def test_one_step_of_2_dt_is_two_of_dt_over_the_first_looks(P: float, dt: float, limit: float) -> None:
+    """With the gain's limit, without drift (which the look's end, in closed form, does not know)."""
+    tuning, start = law(look_std=0.7, noise_density=3.0, gain_limit_per_s=limit), ZeroingState(1.0, P)
+    once = learnt(start, [0.0], tuning, 2.0 * dt)
+    twice = learnt(start, [0.0] * 2, tuning, dt)
+    assert twice.correction == pytest.approx(once.correction, rel=1e-9, abs=1e-12)
+    assert twice.variance == pytest.approx(once.variance, rel=1e-9)
 
 
 def test_one_step_of_2_dt_is_two_of_dt_where_the_gains_limit_lets_go() -> None:

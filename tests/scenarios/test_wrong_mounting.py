@@ -1,0 +1,105 @@
+"""Mounting, sign and unit mistakes: the run does its job, and what contradicts physics is said at its end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import short_drive as sd
+from scenario_results import Called, Replayed
+from short_drive import CONFIG, DBC, Sent, edited
+
+pytestmark = pytest.mark.usefixtures("without_report")
+Change = Callable[..., Sequence[int]]
+
+
+class Mistake(NamedTuple):
+    """What is wrong (words of a message, configuration or DBC) and what must be said of it."""
+
+    words: str
+    can_id: int = 0
+    layout: str = ""
+    change: Change = lambda *values: values
+    config: str = CONFIG
+    dbc: str = DBC
+
+
+def scaled_dbc(names: tuple[str, ...], old: str, new: str) -> str:
+    """The DBC with these signals' factor changed, as if it had been written for another unit."""
+    lines = DBC.splitlines(keepends=True)
+    return "".join(
+        edited(line, (f"({old},0)", f"({new},0)"))
+        if line.startswith(tuple(f" SG_ {name} :" for name in names))
+        else line
+        for line in lines
+    )
+
+
+MISTAKES = {
+    "accel_x and accel_y swapped": Mistake(
+        "accel_x follows the turning and accel_y the speeding up: the two seem swapped",
+        sd.ACCELS, "<3h", lambda x, y, z: (y, x, z),
+    ),
+    "accel_y and accel_z swapped": Mistake(
+        "accel_y reads 9.91 m/s^2 on average: that is gravity; are the axes swapped?",
+        sd.ACCELS, "<3h", lambda x, y, z: (x, z, y),
+    ),
+    "accel_x reversed": Mistake(
+        "accel_x runs against the wheels' speeding up", sd.ACCELS, "<3h", lambda x, y, z: (-x, y, z)
+    ),
+    "accel_y reversed": Mistake(
+        "accel_y runs against yaw rate times speed", sd.ACCELS, "<3h", lambda x, y, z: (x, -y, z)
+    ),
+    "accel_z reversed": Mistake(
+        "accel_z reads -9.91 m/s^2 on average where +9.81 is expected: sign, unit or axis",
+        sd.ACCELS, "<3h", lambda x, y, z: (x, y, -z),
+    ),
+    "accelerations in g taken for m/s^2": Mistake(
+        "accel_z reads 1.01 m/s^2 on average where +9.81 is expected: sign, unit or axis",
+        dbc=scaled_dbc(("AX", "AY", "AZ"), "0.002", "0.00020394"),
+    ),
+    "gyro_z reversed": Mistake(
+        "gyro_z runs against the rear wheels' difference", sd.RATES, "<3h", lambda p, q, r: (p, q, -r)
+    ),
+    "gyro in rad/s taken for deg/s": Mistake(
+        "times the yaw rate of the rear wheels: a unit seems wrong (deg/s as rad/s gives 57, the reverse 0.017)",
+        dbc=scaled_dbc(("P", "Q", "R"), "0.01", "0.000174533"),
+    ),
+    "gyro in deg/s taken for rad/s": Mistake(
+        "times the yaw rate of the rear wheels: a unit seems wrong (deg/s as rad/s gives 57, the reverse 0.017)",
+        config=CONFIG.replace("unit: deg/s", "unit: rad/s"),
+    ),
+    "wheel speeds in km/h taken for m/s": Mistake(
+        "(km/h as m/s gives 0.28, m/s as km/h 3.6)", config=CONFIG.replace("unit: km/h", "unit: m/s")
+    ),
+    "wheel speeds in m/s taken for km/h": Mistake(
+        "(km/h as m/s gives 0.28, m/s as km/h 3.6)",
+        dbc=scaled_dbc(("FL", "FR", "RL", "RR"), "0.01", "0.00277778"),
+    ),
+    "left and right wheels swapped": Mistake(
+        "its sign seems reversed, or left and right are swapped",
+        sd.WHEELS, ">4H", lambda fl, fr, rl, rr: (fr, fl, rr, rl),
+    ),
+    "steering reversed": Mistake("gyro_z runs against the steering", sd.STEER, ">h", lambda angle: (-angle,)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_what_contradicts_physics_is_said(
+    dsz: Callable[..., Called], drive: Sequence[Sent], tmp_path: Path, case: str
+) -> None:
+    mistake = MISTAKES[case]
+    change = mistake.change
+    sent = sd.words_changed(drive, mistake.can_id, mistake.layout, lambda _t_s, *values: change(*values))
+    log, config = sd.write(tmp_path, sent, mistake.config, mistake.dbc)
+    called = dsz("replay", log, "-c", config, "-o", tmp_path / "out", "--json")
+    assert called.code == 0
+    summary: dict[str, Any] = json.loads(called.out)
+    assert any(mistake.words in warning for warning in summary["warnings"]), summary["warnings"]
+
+
+def test_nothing_is_said_of_a_good_drive(clean: Replayed) -> None:
+    assert clean.summary["warnings"] == []
