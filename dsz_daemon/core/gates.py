@@ -56,10 +56,12 @@ def window_variance(state: TransientState, i: int) -> float:
 
 
 def transient(state: TransientState, tuning: Tuning) -> float:
-    """Tau of (29), dimensionless: 1 where all seven signals scatter by their scale."""
+    """Tau of (29), dimensionless: 1 where all seven signals scatter by their scale; absent ones count as still."""
     rate, accel = tuning.tau_rate_scale_radps, tuning.tau_accel_scale_mps2
     scales = (rate, rate, rate, accel, accel, tuning.tau_vertical_scale_mps2, tuning.tau_steering_scale_rad)
-    return sum(window_variance(state, i) / (SIGNALS * scale**2) for i, scale in enumerate(scales))
+    return sum(
+        window_variance(state, i) / (SIGNALS * scale**2) for i, scale in enumerate(scales) if state.filled_s[i] > 0.0
+    )
 
 
 def steering_variance(state: TransientState) -> float:

@@ -67,7 +67,7 @@ def moved(
         v_rate=new.rate_mps2,
         speed_valid=new.valid != 0.0,
         standstill=speed.at_standstill(new, tuning),
-        slip=not speed.wheels_agree(corners, tuning),
+        slip=new.doubt != 0.0 or not speed.wheels_agree(corners, tuning),
     )
     return motion, new
 

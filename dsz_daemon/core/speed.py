@@ -15,12 +15,15 @@ from dsz_daemon.core.parameters import Car, Inputs, Tuning
 NAN = math.nan
 # A tilted mount (10 deg) and a wheel that rolls: less than this and a wrong a_x could hold v_car for good.
 _WHEELS_ALLOWED_MPS2 = 1.0
+# Sensors fall silent below some 0.7 m/s; wheels that stop from faster than this within a step are locked or dead.
+_IMPOSSIBLE_STOP_MPS = 1.5
 
 
 class SpeedState(NamedTuple):
-    """Reference speed (m/s), its smoothed copy and that copy's rate (v'), seconds at rest.
+    """Reference speed (m/s), its smoothed copy and that copy's rate (v'), seconds at rest, doubt in the wheels.
 
-    `valid` is 0 until wheels have been seen, and after they are lost.
+    `valid` is 0 until wheels have been seen, and after they are lost. `doubt` is 1 from when they stopped
+    faster than a car can (locked, or dead) until they turn again.
     """
 
     speed_mps: float = 0.0
@@ -28,6 +31,7 @@ class SpeedState(NamedTuple):
     rate_mps2: float = 0.0
     rest_s: float = 0.0
     valid: float = 0.0
+    doubt: float = 0.0
 
 
 class Corners(NamedTuple):
@@ -144,11 +148,12 @@ def advanced_speed(
         # Changing direction at walking pace: a sign of the gear, not an acceleration.
         return SpeedState(wanted, wanted, valid=1.0)
     speed = limited_speed(state.speed_mps, wanted, ax, tuning, dt_s)
-    # Locked wheels stand too: the limited speed must have come down as well.
     limit = tuning.standstill_speed_mps
-    rest = state.rest_s + dt_s if wheels_at_rest(inputs, limit) and abs(speed) < limit else 0.0
+    standing = wheels_at_rest(inputs, limit)
+    doubt = 1.0 if standing and (state.doubt != 0.0 or abs(speed - wanted) > _IMPOSSIBLE_STOP_MPS) else 0.0
+    rest = state.rest_s + dt_s if standing and doubt == 0.0 and abs(speed) < limit else 0.0
     smoothed = relaxed(state.smoothed_mps, speed, tuning.speed_smoothing_s, dt_s)
-    return SpeedState(speed, smoothed, (smoothed - state.smoothed_mps) / dt_s, min(rest, 3600.0), 1.0)
+    return SpeedState(speed, smoothed, (smoothed - state.smoothed_mps) / dt_s, min(rest, 3600.0), 1.0, doubt)
 
 
 def at_standstill(state: SpeedState, tuning: Tuning) -> bool:

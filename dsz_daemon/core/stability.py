@@ -1,7 +1,7 @@
 """Stability of observer and lateral zeroing attached to each other, (30)-(39), corrected.
 
 (31) drops c g v K2 from the diagonal of e_y, (34) prints K C where A - K C belongs and is not
-Hurwitz as printed. The true closed loop follows from (7) and (26) with a_y = a_y* + e:
+Hurwitz at speed. The true closed loop follows from (7) and (26) with a_y = a_y* + e:
 
     beta' = m11 beta + m12 r^ + K2 e + ...
     r^'   = m21 beta + m22 r^ + K4 e + ...

@@ -125,6 +125,11 @@ class Decoder:
         """The channels that sources name; empty where none does."""
         return self._channels
 
+    @property
+    def rejected(self) -> int:
+        """Values that came but were not used, of all roles; quicker than a copy of the counters."""
+        return self._counters.rejected
+
     def wanted_ids(self) -> frozenset[tuple[int, bool]]:
         """(CAN id, is extended) of every frame that can become a sample: a bus filter's list."""
         return frozenset(self._plans) - self._excluded

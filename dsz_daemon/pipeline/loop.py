@@ -51,6 +51,11 @@ class FrameDecoder(Protocol):
         """Samples of one frame; none for a frame that nobody wants."""
         ...
 
+    @property
+    def rejected(self) -> int:
+        """Values refused so far."""
+        ...
+
 
 @dataclass
 class LoopMemory:
@@ -60,6 +65,8 @@ class LoopMemory:
     aligner: Aligner
     watch: SensorWatch = field(default_factory=SensorWatch)
     leapt: tuple[Sample, ...] = ()
+    decoder_rejected: int = 0
+    watch_rejected: int = 0
     next_tick_ns: int | None = None
     last_tick_ns: int = 0
     last_sample_ns: int = 0
@@ -96,8 +103,19 @@ class Loop:
         """One frame in; rows of the ticks that lay before it out."""
         memory = self.memory
         samples = self._decoder.decode(frame)
-        if not samples:
+        if samples:
+            rows = self._decoded(frame, samples)
+        elif self._decoder.rejected != memory.decoder_rejected and not self._is_gap(frame.t_ns):
+            rows = self._ticks(frame.t_ns - 1)
+        else:
             return []
+        # Only now: a tick that lay before this frame does not know of its faults, whoever brought it due.
+        if not memory.leapt:
+            memory.decoder_rejected = self._decoder.rejected
+        return rows
+
+    def _decoded(self, frame: Frame, samples: Sequence[Sample]) -> list[Row]:
+        memory = self.memory
         rows: list[Row] = []
         if memory.leapt:
             leapt, memory.leapt = memory.leapt, ()
@@ -197,7 +215,8 @@ class Loop:
             output = _without(output, self._unmapped)
         refused = tuple(memory.watch.refused)
         memory.watch.refused.clear()
-        memory.counters = memory.counters._replace(rejected=memory.counters.rejected + len(refused))
+        memory.watch_rejected += len(refused)
+        memory.counters = memory.counters._replace(rejected=memory.decoder_rejected + memory.watch_rejected)
         row = Row(t_ns, output, values, ages, memory.counters, memory.event, refused)
         memory.last_tick_ns, memory.event, memory.output = t_ns, "", output
         return row

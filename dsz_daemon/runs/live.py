@@ -28,6 +28,8 @@ from dsz_daemon.runs.truth import read_truth
 
 _GUARD_NS = 2_000_000
 _IDLE_S = 0.1
+# A saturated bus has some 8 frames a millisecond: a bit more than waits after a hitch of 0.1 s.
+_AT_ONCE = 1000
 
 
 @dataclass
@@ -79,6 +81,7 @@ class Live:
                     if end_ns is not None and self._clock.now_ns() >= end_ns:
                         break
                     self._cycle(buses)
+                self._receive(buses, 0.0)
                 self._take(self._loop.finish(), buses)
             except KeyboardInterrupt:
                 pass
@@ -89,20 +92,34 @@ class Live:
         self._stopped = True
 
     def _cycle(self, buses: Buses) -> None:
-        """Receives what comes until the next tick is due and all that is waiting then, and ticks.
-
-        A bus that never falls silent doesn't starve the ticks: frames stamped later bring them due.
-        """
+        """Receives what comes until the next tick is due and what is waiting then, and ticks."""
         due_ns = self._loop.next_tick_ns
         wait_s = _IDLE_S if due_ns is None else min(_IDLE_S, self._clock.seconds_until(due_ns + _GUARD_NS))
-        frame = buses.receive(wait_s)
-        while frame is not None:
-            self._input(frame, buses)
-            frame = buses.receive(0.0)
-        now_ns = self._clock.now_ns()
+        now_ns = self._receive(buses, wait_s)
+        if now_ns is None:
+            return
         self._take(self._loop.advance(now_ns - _GUARD_NS), buses)
         if now_ns >= self._silent_due_ns:
             self._say_silence(now_ns, buses)
+
+    def _receive(self, buses: Buses, wait_s: float) -> int | None:
+        """Waits for a frame, takes all that are there, of all buses in the order of their stamps.
+
+        Returns the time up to which none is missing: asked before the queues are emptied, for frames
+        go on coming meanwhile. None if they come faster than they can be taken; their stamps then
+        bring the ticks due, and whoever wants to stop us is heard.
+        """
+        frame = buses.receive(wait_s)
+        now_ns = self._clock.now_ns()
+        frames: list[Frame] = []
+        while frame is not None and len(frames) < _AT_ONCE:
+            frames.append(frame)
+            frame = buses.receive(0.0)
+        if frame is not None:
+            frames.append(frame)
+        for waiting in sorted(frames, key=lambda waiting: waiting.t_ns):
+            self._input(waiting, buses)
+        return now_ns if frame is None else None
 
     def _input(self, frame: Frame, buses: Buses) -> None:
         if self._record is not None:

@@ -48,7 +48,7 @@ def replay(
     decoder = setup.decoder(encoder)
     loop = setup.loop(decoder)
     report = LogReport()
-    wanted = {can_id for can_id, _ in decoder.wanted_ids()} if to is None else None
+    wanted = {can_id for can_id, _ in decoder.wanted_ids() | encoder.published_ids} if to is None else None
     frames = read_frames(logs, report, progress, wanted)
     summary, cycles = RunSummary(setup, setup.plausibility()), CycleWatch(decoder.wanted_ids())
     interrupted, published_frames = False, 0

@@ -24,6 +24,9 @@ from dsz_daemon.pipeline.plausibility import Plausibility
 from dsz_daemon.shipped import shipped
 from dsz_daemon.signals import IMU_CHANNELS
 
+# As `config.cross_checks` has it: more than dbc/dsz.dbc has messages.
+_IDS_SET_ASIDE = 16
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -95,12 +98,13 @@ def set_up(config: Path, buses: Sequence[str] = (), live: bool = False) -> Setup
     if setup.output_bus not in settings.buses:
         known = ", ".join(settings.buses)
         raise ConfigError(f"{config}: output.bus: there is no bus {setup.output_bus!r}; expected one of {known}")
-    published = setup.encoder().published_ids
-    taken = [m for m in checked.resolved.messages.values() if (m.frame_id, m.is_extended_frame) in published]
+    base_id = settings.output.base_id
+    near = [m for m in checked.resolved.messages.values() if base_id <= m.frame_id < base_id + _IDS_SET_ASIDE]
+    taken = [m for m in near if (m.frame_id, m.is_extended_frame) in setup.encoder().published_ids]
     if taken:
         names = ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
         raise ConfigError(
-            f"{config}: output.base_id: 0x{settings.output.base_id:X} gives our own messages the ids of {names}, "
+            f"{config}: output.base_id: 0x{base_id:X} gives our own messages the ids of {names}, "
             "which would never be read; expected ids that no mapped message has"
         )
     return setup

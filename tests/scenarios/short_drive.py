@@ -149,8 +149,11 @@ def motion() -> Motion:
     return Motion(t, v, v_rate, r, vy, ay, delta)
 
 
-def frames(seed: int = 7) -> list[Sent]:
-    """The drive as frames: IMU on can1 at 100 Hz, wheels and steering on can0 at 50 Hz, pedals at 20 Hz."""
+def frames(seed: int = 7, floats: bool = False) -> list[Sent]:
+    """The drive as frames: IMU on can1 at 100 Hz, wheels and steering on can0 at 50 Hz, pedals at 20 Hz.
+
+    `floats`: yaw rate and lateral acceleration come a second time, as IEEE 754 numbers.
+    """
     true, noise = motion(), np.random.default_rng(seed)
     sent: list[Sent] = []
     for k in range(round(DURATION_S * 100)):
@@ -161,7 +164,7 @@ def frames(seed: int = 7) -> list[Sent]:
         t_s = 0.05 * k + 0.008
         rate = true.at("v_rate", t_s)
         sent.append(Sent(t_s, "can0", PEDALS, bytes([(rate < 0.0) | (rate > 0.0) << 1])))
-    return sorted(sent)
+    return sorted(frame for frame in sent if floats or frame.can_id != FLOATS)
 
 
 def _imu(true: Motion, t_s: float, noise: np.random.Generator) -> list[Sent]:

@@ -90,7 +90,7 @@ def test_both_observer_poles_lie_at_p_o_for_any_car(body: tuple[float, ...], v: 
     """
     assume(abs(bicycle.steer_margin(*body[2:])) > MARGIN)
     # 1 + K1 must stand clear of K1's rounding, or (8) has lost its digits before anyone uses it.
-    m, Iz, lf, lr, Cf, Cr = body
+    _m, Iz, lf, lr, Cf, Cr = body
     assume(abs(Iz * (Cf * lf - Cr * lr) * pole**2 / (2.0 * Cf * Cr * (lf + lr) ** 2)) > 1e-4)
     M = error_matrix(body, v, bicycle.observer_gain(*body, v, pole, MARGIN))
     np.testing.assert_allclose(np.poly(M), [1.0, -2.0 * pole, pole * pole], rtol=1e-9)

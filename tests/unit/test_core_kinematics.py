@@ -37,7 +37,8 @@ class Body:
     def __init__(self, seed: int) -> None:
         draw = np.random.default_rng(seed)
         self.roll, self.pitch, self.yaw = draw.uniform(-0.5, 0.5, (3, 3))
-        self.vx, self.vy = draw.uniform(-3.0, 3.0, (2, 3)) + [[20.0, 0, 0], [0, 0, 0]]
+        self.vx, self.vy = draw.uniform(-3.0, 3.0, (2, 3))
+        self.vx[0] += 20.0
         self.vz = draw.uniform(-2.0, 2.0)
 
     def attitude(self, t: float) -> np.ndarray:
@@ -166,9 +167,7 @@ def test_total_attitude_is_pulled_to_what_the_accelerometers_say_within_the_wind
     def rate(x: np.ndarray) -> np.ndarray:
         return np.array([p + r * x[1] + (roll_seen - x[0]) / window, q - r * x[0] + (pitch_seen - x[1]) / window])
 
-    state = attitude.turned(
-        AttitudeState(roll_rad=0.03, pitch_rad=0.01), p, q, r, roll_seen, pitch_seen, window, 0.7
-    )
+    state = attitude.turned(AttitudeState(roll_rad=0.03, pitch_rad=0.01), p, q, r, roll_seen, pitch_seen, window, 0.7)
     np.testing.assert_allclose(
         [state.roll_rad, state.pitch_rad], rk4(rate, np.array([0.03, 0.01]), 0.7, 400), rtol=1e-9
     )

@@ -41,9 +41,7 @@ MATRICES = {
 def test_exponential_equals_the_taylor_series(name: str, t: float) -> None:
     a, b, c, d = MATRICES[name]
     expected = taylor_exponential(np.array([[a, b], [c, d]]) * t)
-    np.testing.assert_allclose(
-        np.reshape(exponential_2x2(a, b, c, d, t), (2, 2)), expected, rtol=1e-11, atol=1e-12
-    )
+    np.testing.assert_allclose(np.reshape(exponential_2x2(a, b, c, d, t), (2, 2)), expected, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", [n for n in MATRICES if n != "undamped"])

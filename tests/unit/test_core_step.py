@@ -61,7 +61,11 @@ def test_a_second_at_rest_counts_as_many_on_the_road() -> None:
     (deg/s)^2 s, then 9 s at rest at 0.005: 0.2 * 66.7 / (0.1 + 67.3 + 1800) deg/s is what the curve leaves.
     """
     sure = DEFAULTS.gyro_z._replace(
-        noise_density=1.5 * DEG**2, noise_blocks=1e6, standstill_density=0.005 * DEG**2, prior_std=3.0 * DEG, drift_density=0.0
+        noise_density=1.5 * DEG**2,
+        noise_blocks=1e6,
+        standstill_density=0.005 * DEG**2,
+        prior_std=3.0 * DEG,
+        drift_density=0.0,
     )
     tuning = DEFAULTS._replace(gyro_z=sure)
     state, _ = drive(straight(20.0, gyro_z=0.2 * DEG), 100.0, dt_s=0.05, tuning=tuning)
@@ -148,7 +152,7 @@ def test_sine_steer_the_observer_follows_the_car() -> None:
     """Its yaw rate, sideways speed and the reference (21) against Newton's car, amid the manoeuvre."""
     upright = TUCSON._replace(roll_gradient_rad_per_mps2=0.0)  # as this car is
     _, outputs = drive(sine_steer, 52.0, dt_s=DT, car=upright)
-    model, motion, references = [], [], []
+    model, motion = [], []
     for k in range(round(44.0 / DT), round(50.0 / DT)):
         r, ay, _ = sine_steer_motion()[k]
         motion.append((r, ay))
@@ -161,7 +165,8 @@ def test_sine_steer_the_observer_follows_the_car() -> None:
 
 def test_a_steady_turn_on_a_flat_road_is_known_in_every_quantity() -> None:
     """R = 250 m at 25 m/s. The body leans by k a_y; its axes read the horizontal a_y, gravity and the turn
-    about the vertical (so q = r sin(lean)) turned by that angle. Roll, sideslip, references and the suspension come out of that.
+    about the vertical (so q = r sin(lean)) turned by that angle. Roll, sideslip, references and the
+    suspension come out of that.
     """
     v, r = 25.0, 0.1
     ay = r * v
@@ -284,6 +289,28 @@ def test_a_car_without_steering_takes_it_from_the_wheels() -> None:
     for name, offset in OFFSETS.items():
         assert getattr(outputs[-1], name).offset == pytest.approx(offset, abs=0.02 * DEG if "gyro" in name else 0.025)
         assert getattr(outputs[-1], name).gate
+
+
+def test_a_left_turn_without_steering_is_a_left_turn() -> None:
+    """R = 50 m at 5 m/s: the wheels' difference stands for L / R = 3.0 deg to the left."""
+    half = 0.5 * TUCSON.rear_track_m * 0.1
+    turning = straight(5.0, gyro_z=0.1, accel_y=0.5, road_wheel_angle=NAN)._replace(
+        wheel_speed_rl=5.0 - half, wheel_speed_rr=5.0 + half
+    )
+    _, outputs = drive(turning, 1.0)
+    assert outputs[-1].road_wheel_angle_rad == pytest.approx(2.64 / 50.0, rel=0.02)
+    assert outputs[-1].gyro_z.reason is Reason.STEERING_LARGE
+
+
+def test_the_yaw_rate_is_zeroed_before_the_lateral_offset_is_learnt() -> None:
+    """A yaw rate offset error dr puts v dr into e_y: the gate waits until it is known to 0.2 deg/s."""
+    _, outputs = drive(biased(straight(20.0)), 30.0)
+    for output in outputs:
+        assert not (output.accel_y.gate and output.gyro_z.offset_std > 0.201 * DEG)
+    assert {output.accel_y.reason for output in outputs if output.accel_x.gate} == {Reason.SETTLING, Reason.NONE}
+    # As printed there is no such condition.
+    _, printed = drive(biased(straight(20.0)), 3.0, tuning=EstimatorSettings(as_printed=True).tuning())
+    assert printed[-1].accel_y.gate
 
 
 def test_without_wheels_there_is_no_speed_and_the_gyros_still_learn() -> None:
@@ -422,7 +449,7 @@ def test_saving_as_json_and_resuming_equals_never_stopping(stop_s: float) -> Non
 
 
 def test_a_gap_keeps_the_offsets_makes_them_less_sure_and_forgets_the_motion() -> None:
-    state, outputs = drive(biased(straight(20.0)), 60.0)
+    state, _ = drive(biased(straight(20.0)), 60.0)
     hour = resumed(state, DEFAULTS, 3600.0)
     assert [z.correction for z in hour[:6]] == [z.correction for z in state[:6]]
     # Data sheet of the drift, by hand: 4e-6 (deg/s)^2/s and 3e-6 (m/s^2)^2/s for 3600 s.

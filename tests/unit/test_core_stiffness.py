@@ -20,9 +20,7 @@ CLEAN = DEFAULTS._replace(stiffness_noise_density_rad2s=DEFAULTS.stiffness_noise
 
 
 @cache
-def recording(
-    front: float, rear: float, hertz: tuple[float, ...], amplitude: float, seconds: float, dt_s: float = DT
-):
+def recording(front: float, rear: float, hertz: tuple[float, ...], amplitude: float, seconds: float, dt_s: float = DT):
     """(r, a_y, delta) every dt_s of a Tucson with these tyre stiffness factors, steered by sines."""
 
     def steered(t: float) -> float:

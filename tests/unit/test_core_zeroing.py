@@ -182,8 +182,9 @@ def test_a_look_under_the_gains_limit() -> None:
     tuning = law(noise_density=4.0, look_std=0.5, prior_std=2.0, gain_limit_per_s=1.0)
     for seconds, steps in ((0.5, 1), (3.0, 1), (3.0, 150)):
         state = learnt(zeroing.unlearnt(tuning), [1.0] * steps, tuning, seconds / steps)
-        expected = rk4(rate, np.array([0.0, 4.0]), seconds, 20000)
-        np.testing.assert_allclose([state.correction, state.variance], expected, rtol=1e-4)
+        expected = rk4(rate, np.array([0.0, 4.0]), seconds, 6000)
+        # The switch of s falls within a Runge-Kutta step: first order there.
+        np.testing.assert_allclose([state.correction, state.variance], expected, rtol=1e-3)
 
 
 # --- composition -------------------------------------------------------------------------------
