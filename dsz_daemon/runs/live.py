@@ -30,6 +30,7 @@ _GUARD_NS = 2_000_000
 _IDLE_S = 0.1
 # A saturated bus has some 8 frames a millisecond: a bit more than waits after a hitch of 0.1 s.
 _AT_ONCE = 1000
+_LAST_ROUNDS = 100
 
 
 @dataclass
@@ -81,7 +82,10 @@ class Live:
                     if end_ns is not None and self._clock.now_ns() >= end_ns:
                         break
                     self._cycle(buses)
-                self._receive(buses, 0.0)
+                # What waits has come before the end; a bus that never falls silent must not put it off.
+                for _ in range(_LAST_ROUNDS):
+                    if self._receive(buses, 0.0) is not None:
+                        break
                 self._take(self._loop.finish(), buses)
             except KeyboardInterrupt:
                 pass

@@ -305,8 +305,8 @@ def test_simulate_check_replay_and_demo(dsz: Dsz, tmp_path: Path) -> None:
     called = dsz("demo", "-o", tmp_path / "demo", "--seed", "3", "--speed", "10")
     assert called.code == 0
     assert f"report: {tmp_path / 'demo' / 'report.html'}" in called.out
-    # The demonstration is live: the same drive, the same offsets as the replay's.
-    live = read_results(tmp_path / "demo").summary
-    for channel, known in truth.items():
-        assert live["truth"][channel]["true_offset"] == pytest.approx(known["true_offset"], rel=1e-6)
-        assert live["truth"][channel]["offset"] == pytest.approx(known["offset"], abs=1e-6)
+    # The demonstration is live: the same drive, the same rows as the replay's, but that its clock may go on a step.
+    live, again = rows_of(read_results(tmp_path / "demo")), rows_of(read_results(tmp_path / "out"))
+    steps = len(again["event"])
+    assert len(live["event"]) - steps in {0, 1}
+    assert {name: column[:steps] for name, column in live.items()} == again
