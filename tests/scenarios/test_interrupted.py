@@ -71,32 +71,22 @@ def piped(command: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.skipif(not Path("/bin/bash").exists(), reason="needs bash for a pipe")
-@pytest.mark.parametrize(("more", "code"), [("", 0), ("--json", 0), ("--sped 2>&1", 2)])
+@pytest.mark.parametrize(("more", "code"), [("", 0), ("--json", 0), ("--sped 2>&1", 2), ("--help", 0)])
 def test_a_reader_that_goes_away(
     recorded: tuple[Path, Path], start_of_drive: Path, tmp_path: Path, more: str, code: int
 ) -> None:
-    done = piped(f"dsz replay {start_of_drive} -c {recorded[1]} -o {tmp_path} {more} | head -c 0")
+    # `true` is gone long before Python has started: what little --help prints would else fit into the pipe.
+    done = piped(f"dsz replay {start_of_drive} -c {recorded[1]} -o {tmp_path} {more} | true")
     assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
-    assert code or all((tmp_path / name).stat().st_size > 0 for name in FOUR_FILES)
+    assert code or more == "--help" or all((tmp_path / name).stat().st_size > 0 for name in FOUR_FILES)
 
 
 def test_json_is_all_that_is_printed_and_progress_is_for_terminals(
     recorded: tuple[Path, Path], start_of_drive: Path, tmp_path: Path
 ) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "dsz_daemon",
-        "replay",
-        start_of_drive,
-        "-c",
-        recorded[1],
-        "-o",
-        tmp_path,
-        "--json",
-    ]
+    command = [sys.executable, "-m", "dsz_daemon", "replay", str(start_of_drive), "-c", str(recorded[1])]
     done = subprocess.run(
-        [str(part) for part in command],
+        [*command, "-o", str(tmp_path), "--json"],
         capture_output=True,
         text=True,
         timeout=60,

@@ -37,7 +37,7 @@ SLOW = edited(CONFIG, ("rate_hz: 50", "rate_hz: 25"))
 class Case(NamedTuple):
     """A fault, when it begins, and what is true of the run.
 
-    `said`: patterns that a warning must match each; without any, there must be no warning.
+    `said`: patterns, each of which a warning must match; and there must be no other warning.
     `invalid`: (channels, from, until) when they are invalid, and their offsets don't move at all.
     """
 
@@ -56,8 +56,10 @@ def spiked(role: str) -> Case:
 
 def still(fault: Fault, role: str, start_s: float, until_s: float = 26.0) -> Case:
     """Noticed within 3 s (gyros) or 1 s (accelerometers) of driving, stale 0.5 s later."""
-    said = f"{role}: [0-9]+ values not used: it repeated itself while the wheels' speed changed: a frozen sensor"
-    return Case(fault, start_s, (said,), (((role,), start_s + (3.6 if role in GYROS else 1.6), until_s),))
+    said = [f"{role}: [0-9]+ values not used: it repeated itself while the wheels' speed changed: a frozen sensor"]
+    if until_s == 26.0:
+        said.append(gone(start_s + (3.0 if role in GYROS else 1.0), role))
+    return Case(fault, start_s, tuple(said), (((role,), start_s + (3.6 if role in GYROS else 1.6), until_s),))
 
 
 def gone(since_s: float, *roles: str) -> str:
@@ -92,7 +94,7 @@ CASES = {
     "wheels cut for 3 s": Case(faults.cut([WHEELS], 12.0, 15.0), 12.0, (r"can0 0AA: 150 frames .*gap 3\.02 s",)),
     "wheels cut for good": Case(faults.cut([WHEELS], 12.0), 12.0, (gone(12.0, *WHEEL_ROLES),)),
     "wheels all bits set": Case(
-        faults.all_bits_set([WHEELS], 12.0), 12.0, ("wheel_speed_fl: 700 of 1300", gone(12.0, *WHEEL_ROLES))
+        faults.all_bits_set([WHEELS], 12.0), 12.0, ("wheel_speed_..: 700 of 1300", gone(12.0, *WHEEL_ROLES))
     ),
     "wheels frozen in a bend": Case(faults.message_frozen(WHEELS, 14.2), 14.2),
     "wheels 100 ms late": Case(faults.delayed([WHEELS], 0.1), 0.0),
@@ -114,7 +116,7 @@ CASES = {
     "IMU all zero": Case(
         faults.all_zero([RATES, ACCELS], 12.0),
         12.0,
-        ("gyro_x: .*a frozen sensor", "accel_z: .*a frozen sensor"),
+        (".*: .*a frozen sensor", gone(13.0, *sorted(ACCELEROMETERS)), gone(15.0, *sorted(GYROS))),
         ((GYROS, 15.6, 26.0), (ACCELEROMETERS, 13.6, 26.0)),
     ),
     "IMU at half its rate": Case(faults.half_rate, 0.0),
@@ -123,8 +125,10 @@ CASES = {
     "all frames up to 20 ms out of order": Case(
         faults.reordered, 0.0, (r"stamps go backwards [0-9]+ times, .* 0\.01",)
     ),
-    "all silent for 0.5 s": Case(faults.cut(range(2048), 21.0, 21.5), 21.0, ("can1 310: 50 frames",)),
-    "all silent for 5 s": Case(faults.cut(range(2048), 20.0, 25.0), 20.0, ("can1 310: 500 frames",), gaps=1),
+    "all silent for 0.5 s": Case(faults.cut(range(2048), 21.0, 21.5), 21.0, (r"can. ...: [125]+0? frames \(1\.9 %\)",)),
+    "all silent for 5 s": Case(
+        faults.cut(range(2048), 20.0, 25.0), 20.0, (r"can. ...: [125]+00? frames \(19\.2 %\)",), gaps=1
+    ),
     "clock put forward by an hour": Case(faults.clock_stepped(3600.0), 21.0, (".*gap 3600",), gaps=1),
     "clock put back by an hour": Case(
         faults.clock_stepped(-3600.0), 21.0, (r"stamps go backwards 1 times, by up to 3599\.99",), clock_steps=1
@@ -132,7 +136,7 @@ CASES = {
     "one stamp far ahead": Case(
         faults.one_far_ahead,
         21.0,
-        ("gyro_z: 1 values not used: their time is far ahead", "stamps go backwards 1 times, by up to 1000000"),
+        ("gyro_.: 1 values not used: their time is far ahead", "stamps go backwards 1 times, by up to 1000000"),
     ),
 }
 
@@ -180,13 +184,11 @@ def test_one_fault(dsz: Dsz, drive: Frames, faultless: Replayed, tmp_path: Path,
     warnings = faulty.summary["warnings"]
     for pattern in case.said:
         assert any(re.match(pattern, warning) for warning in warnings), warnings
-    assert case.said or not warnings
+    assert [w for w in warnings if not any(re.match(pattern, w) for pattern in case.said)] == []
     for channels, start_s, end_s in case.invalid:
         for channel in channels:
             assert faulty.states(channel, start_s, end_s) == {"invalid"}, channel
-            assert faulty.reasons(channel, start_s, end_s) <= {"stale", "turning", "steering_large", "no_speed"} | {
-                "transient", "too_slow", "settling", "speed_varies", "steering_moves", "no_steering", "wheels_slip"
-            }  # fmt: skip
+            assert "none" not in faulty.reasons(channel, start_s, end_s), channel
             assert len({x for t, x in timed_offsets(faulty, channel) if start_s <= t < end_s}) == 1, channel
     counts = faulty.summary["counts"]
     assert (counts["gaps"], counts["clock_steps"]) == (case.gaps, case.clock_steps)

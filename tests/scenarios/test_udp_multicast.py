@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 
 import can
@@ -73,14 +74,14 @@ def test_run_on_udp_multicast(recorded: tuple[Path, Path], tmp_path: Path) -> No
 
 
 def inside(config: Path, out: Path) -> None:
-    """Feeds the first seconds of the drive, runs the daemon on them, prints what was on can0."""
+    """Feeds the first seconds of the drive over and over, runs the daemon on them, prints what was on can0."""
     for command in SETUP:
         subprocess.run(command, check=True)
     drive = [frame for frame in short_drive.frames() if frame.t_s < SECONDS]
     heard: list[tuple[int, str]] = []
     done = threading.Event()
     threads = [
-        threading.Thread(target=feed, args=(drive,)),
+        threading.Thread(target=feed, args=(drive, done)),
         threading.Thread(target=listen, args=(heard.append, done)),
     ]
     for thread in threads:
@@ -104,11 +105,13 @@ def quietly(arguments: Sequence[str]) -> int:
         return main(arguments)
 
 
-def feed(drive: Sequence[Sent]) -> None:
+def feed(drive: Sequence[Sent], done: threading.Event) -> None:
     buses = {name: can.Bus(interface="udp_multicast", channel=group) for name, group in GROUPS.items()}
     begin_s = time.monotonic()
-    for frame in drive:
-        time.sleep(max(0.0, frame.t_s - (time.monotonic() - begin_s)))
+    for turn, frame in ((turn, frame) for turn in count() for frame in drive):
+        if done.is_set():
+            break
+        time.sleep(max(0.0, turn * SECONDS + frame.t_s - (time.monotonic() - begin_s)))
         buses[frame.channel].send(can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False))
     for bus in buses.values():
         bus.shutdown()
