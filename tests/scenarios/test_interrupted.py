@@ -67,7 +67,9 @@ def test_sigint_ends_a_replay_of_its_own_process(recorded: tuple[Path, Path], tm
 
 def piped(command: str) -> subprocess.CompletedProcess[str]:
     shell = f'set -o pipefail; dsz() {{ {sys.executable} -m dsz_daemon "$@"; }}; {command}'
-    return subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=60, check=False)
+    # Buffered, as users have it: only then a broken pipe may show as late as at the very end.
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=60, check=False, env=buffered)
 
 
 @pytest.mark.skipif(not Path("/bin/bash").exists(), reason="needs bash for a pipe")

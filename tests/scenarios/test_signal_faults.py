@@ -192,6 +192,8 @@ def test_one_fault(dsz: Dsz, drive: Frames, faultless: Replayed, tmp_path: Path,
             assert len({x for t, x in timed_offsets(faulty, channel) if start_s <= t < end_s}) == 1, channel
     counts = faulty.summary["counts"]
     assert (counts["gaps"], counts["clock_steps"]) == (case.gaps, case.clock_steps)
+    # Frames count as lost where they were cut out, and only there.
+    assert (counts["lost_on_the_way"] > 0) == any("gap" in words or "frames" in words for words in case.said)
 
 
 def timed_offsets(results: Replayed, channel: str) -> list[tuple[float, float]]:
@@ -266,9 +268,6 @@ def test_a_recording_stopped_and_started_again(dsz: Dsz, drive: Frames, faultles
     assert not poisoned(resumed, faultless, 19.9)
     # Nothing is made up in between: rows end at most a gap's second after the first piece.
     assert resumed.between("time_s", 21.1, 29.9) == []
-
-
-# What is not as it should be
 
 
 def test_all_wheels_zero_while_the_car_drives(dsz: Dsz, drive: Frames, faultless: Replayed, tmp_path: Path) -> None:

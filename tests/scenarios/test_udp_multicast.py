@@ -55,7 +55,7 @@ def test_run_on_udp_multicast(recorded: tuple[Path, Path], tmp_path: Path) -> No
     assert (done.returncode, done.stderr) == (0, "")
     heard = json.loads(done.stdout)
     summary = read_results(tmp_path).summary
-    assert summary["counts"]["samples"] > 1000
+    assert summary["counts"]["samples"] > 200
     assert summary["rows"] > 60
     # Multicast hands our own frames back to us: they are counted, and never taken for input.
     assert summary["counts"]["own"] > 100
