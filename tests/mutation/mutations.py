@@ -73,6 +73,7 @@ MUTATIONS = (
     Mutation("speed.py", "wheel yaw rate", "(inputs.wheel_speed_rr - inputs.wheel_speed_rl)", "(inputs.wheel_speed_rl - inputs.wheel_speed_rr)"),
     Mutation("speed.py", "v'", "(smoothed - state.smoothed_mps) / dt_s", "(smoothed - state.smoothed_mps)"),
     Mutation("speed.py", "standstill", "and abs(speed) < limit else 0.0", "else 0.0"),
+    Mutation("speed.py", "doubt", "if standing and doubt == 0.0 and abs(speed)", "if standing and abs(speed)"),
     Mutation("speed.py", "reverse", "fl, fr, rl, rr = (-wheel for wheel in wheels)", "fl, fr, rl, rr = (wheel for wheel in wheels)"),
     # motion: who takes what from whom
     Mutation("motion.py", "steering from wheels", "car.wheelbase_m * wheels / v", "-car.wheelbase_m * wheels / v"),

@@ -234,6 +234,18 @@ def test_locked_wheels_at_speed_are_no_standstill() -> None:
     assert not speed.at_standstill(state, TUNING)
 
 
+def test_wheels_that_stop_faster_than_a_car_are_doubted_until_they_turn_again() -> None:
+    """All four fall from 12 m/s to 0 within one step: dead, not standing, however long it lasts."""
+    dead = wheels(0.0, 0.0, 0.0, 0.0)
+    state = advanced(SpeedState(), wheels(12.0, 12.0, 12.0, 12.0), 1.0, ax=0.0)
+    state = advanced(state, dead, 20.0, ax=0.0)
+    assert abs(state.speed_mps) < TUNING.standstill_speed_mps
+    assert not speed.at_standstill(state, TUNING)
+    # They turn, and come to rest as a car does: believed.
+    state = advanced(state, wheels(0.5, 0.5, 0.5, 0.5), 2.0, ax=0.0)
+    assert speed.at_standstill(advanced(state, dead, 3.0, ax=0.0), TUNING)
+
+
 def test_backing_round_a_corner_with_undirected_wheels() -> None:
     """v_x = -3 m/s, r = 0.4: rims that only count up read |v_x -+ r t/2|; the C.G. backs at 3 m/s."""
     r = 0.4
