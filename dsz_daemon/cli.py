@@ -51,6 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="also write samples, log, summary and report")
     run.add_argument("--record", type=Path, metavar="LOG", help="also record all received frames as candump text")
     run.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    run.add_argument("--state", type=Path, metavar="FILE", help="keep the offsets here across restarts")
+    run.add_argument("--status", type=Path, metavar="SOCKET", help="answer `dsz status` on this Unix socket")
     _json(run)
     run.set_defaults(call=_run)
 
@@ -99,7 +101,60 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--speed", type=_positive, default=5.0, help="times real time (default 5)")
     _json(demo)
     demo.set_defaults(call=_demo)
+    _asking_verbs(verbs)
+    _install_verb(verbs)
     return parser
+
+
+def _asking_verbs(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    """Those that ask the running daemon."""
+    status = verbs.add_parser(
+        "status", help="how the running daemon is", description="Asks the running daemon how it is: one answer."
+    )
+    _socket(status)
+    _json(status)
+    status.set_defaults(call=_status)
+
+    monitor = verbs.add_parser(
+        "monitor",
+        help="a live screen of the running daemon",
+        description="A live screen of the running daemon (q ends it); in a pipe, a line a channel and look.",
+    )
+    _socket(monitor)
+    monitor.add_argument("--rate", type=_positive, default=4.0, metavar="HZ", help="looks a second (default 4)")
+    monitor.set_defaults(call=_monitor)
+
+    metrics = verbs.add_parser(
+        "metrics",
+        help="the running daemon's figures for Prometheus",
+        description="Serves the running daemon's figures as Prometheus text at http://HOST:PORT/metrics.",
+    )
+    _socket(metrics)
+    metrics.add_argument("--listen", default="127.0.0.1:9273", metavar="HOST:PORT", help="default 127.0.0.1:9273")
+    metrics.set_defaults(call=_metrics)
+
+
+def _install_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    install = verbs.add_parser(
+        "install-service",
+        help="the systemd unit and a first configuration",
+        description="Prints the systemd unit and a first configuration for this installation, or writes them.",
+    )
+    install.add_argument("--write", action="store_true", help="write them (as root); a configuration is never replaced")
+    install.add_argument("-c", "--config", type=Path, metavar="CONFIG", help="your configuration, not the example")
+    install.add_argument("--instance", metavar="NAME", help="for dsz@NAME with /etc/dsz/NAME.yaml: one of several")
+    install.add_argument("--bind", metavar="INTERFACE", help="start and stop with this interface")
+    install.add_argument("--realtime", action="store_true", help="allow SCHED_FIFO, locked memory and a CPU of its own")
+    install.add_argument("--metrics", action="store_true", help="also the service for Prometheus")
+    install.add_argument("--root", type=Path, default=Path("/"), metavar="DIR", help="write below DIR (an image)")
+    _json(install)
+    install.set_defaults(call=_install)
+
+
+def _socket(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--socket", type=Path, metavar="PATH", help="the daemon's status socket; else $DSZ_STATUS, /run/dsz/status.sock"
+    )
 
 
 def _config(parser: argparse.ArgumentParser) -> None:
@@ -124,12 +179,19 @@ def _show(arguments: argparse.Namespace, summary: dict[str, Any], words: Callabl
 # Each verb imports what it needs when it is called: `dsz --help` stays quick, and the vehicle
 # needs nothing of the desk.
 def _run(arguments: argparse.Namespace) -> int:
-    from dsz_daemon.runs import live, screen, setup
+    from dsz_daemon.edge import realtime
+    from dsz_daemon.runs import live, screen, service, setup
 
     prepared = setup.set_up(arguments.config, arguments.bus, live=True)
     screen.print_warnings(prepared.checked.warnings, prepared.checked.notes)
     options = live.LiveOptions(record=arguments.record, folder=arguments.output, duration_s=arguments.duration)
-    summary = live.Live(prepared, options).run()
+    paths = service.environment_paths(prepared, arguments.state, arguments.status)
+    with service.Service(paths, tuple(arguments.bus)) as surrounding:
+        running = live.Live(prepared, options, surrounding)
+        wanted = prepared.settings.service
+        screen.print_warnings(realtime.be_punctual(wanted.realtime_priority, wanted.lock_memory, wanted.cpu), ())
+        realtime.calm_collector()
+        summary = running.run()
     return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
 
 
@@ -186,6 +248,47 @@ def _demo(arguments: argparse.Namespace) -> int:
     with screen.progress("demo", arguments.json) as progress:
         summary = demo(arguments.output, arguments.scenario, arguments.seed, arguments.speed, progress)
     return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import asking, screen_status
+
+    answer = asking.answer(asking.socket_path(arguments.socket))
+    return _show(arguments, answer, lambda: screen_status.print_status(answer))
+
+
+def _monitor(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import asking, monitor
+
+    monitor.monitor(asking.socket_path(arguments.socket), arguments.rate)
+    return 0
+
+
+def _metrics(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import asking, metrics
+
+    metrics.serve_metrics(asking.socket_path(arguments.socket), arguments.listen)
+    return 0
+
+
+def _install(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import install, screen
+
+    options = install.InstallOptions(
+        config=arguments.config,
+        instance=arguments.instance,
+        bind=arguments.bind,
+        realtime=arguments.realtime,
+        metrics=arguments.metrics,
+        root=arguments.root,
+    )
+    summary = install.install(options) if arguments.write else install.shown(options)
+
+    def words() -> None:
+        print(install.words(summary))
+        screen.print_warnings(summary["warnings"], ())
+
+    return _show(arguments, summary, words)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -18,7 +18,18 @@ class Fault:
     what: str
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what}" if self.where else self.what
+        return _fit_for_a_terminal(f"{self.where}: {self.what}" if self.where else self.what)
+
+
+def _fit_for_a_terminal(text: str) -> str:
+    r"""The same in one line, with what a terminal would obey shown and not sent: names come from files.
+
+    >>> _fit_for_a_terminal("car\x1b[2J.dbc")
+    'car\\x1b[2J.dbc'
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 class DszError(Exception):
@@ -32,7 +43,8 @@ class DszError(Exception):
         self.faults = tuple(faults)
 
     def __str__(self) -> str:
-        return "\n".join([self.message, *(f"  {fault}" for fault in self.faults)])
+        lines = [_fit_for_a_terminal(line) for line in self.message.split("\n")]
+        return "\n".join([*lines, *(f"  {fault}" for fault in self.faults)])
 
 
 class ConfigError(DszError):

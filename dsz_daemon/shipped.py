@@ -1,6 +1,6 @@
-"""Files that ship with the project: the output DBC and the ready configurations.
+"""Files that ship with the project: the output DBC, the ready configurations, the units for systemd.
 
-In a checkout they stand at the top of the tree (`dbc/`, `config/`), where people look for
+In a checkout they stand at the top of the tree (`dbc/`, `config/`, `systemd/`), where people look for
 them; a wheel carries the same folders inside the package.
 """
 

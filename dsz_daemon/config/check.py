@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from dsz_daemon.config.advice import notes_of, warnings_of
 from dsz_daemon.config.document import Document
 from dsz_daemon.config.load import Checked, checked_settings, completed, in_order, refusal
+from dsz_daemon.config.protection import ProtectionSettings, protection_faults
 from dsz_daemon.config.resolution import Resolution, ResolvedSignals, resolution, resolve
 from dsz_daemon.config.settings import Settings
 from dsz_daemon.config.signal_settings import SignalsSettings
@@ -73,9 +74,11 @@ def _resolution(checked: Checked, base: Path) -> Resolution | None:
     """The mapping against the DBC, also where something else in the file is wrong."""
     where = checked.document.where
     if checked.settings is not None:
-        return resolution(checked.settings.signals, checked.settings.vehicle, base, where)
-    signals = _sound_part(checked.document.data.get("signals"))
-    return resolution(signals, _ANY_CAR, base, where) if signals is not None else None
+        settings = checked.settings
+        return resolution(settings.signals, settings.vehicle, base, where, settings.protection)
+    data = checked.document.data
+    signals = _sound_part(data.get("signals"))
+    return resolution(signals, _ANY_CAR, base, where, _sound_entries(data.get("protection"))) if signals else None
 
 
 def _sound_part(data: Any) -> SignalsSettings | None:
@@ -85,6 +88,19 @@ def _sound_part(data: Any) -> SignalsSettings | None:
     dbc = {"dbc": data.get("dbc")}
     sound = {role: data[role] for role in QUANTITIES if role in data and _valid({**dbc, role: data[role]})}
     return _valid({**dbc, **sound})
+
+
+def _sound_entries(data: Any) -> dict[str, ProtectionSettings]:
+    """The messages' protections that are valid in themselves, likewise."""
+    sound = {}
+    for message, entry in data.items() if isinstance(data, dict) else ():
+        try:
+            settings = ProtectionSettings.model_validate(entry)
+        except ValidationError:
+            continue
+        if not list(protection_faults({message: entry})):
+            sound[message] = settings
+    return sound
 
 
 def _valid(data: dict[str, Any]) -> SignalsSettings | None:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dsz_daemon.config.nearest import did_you_mean
+from dsz_daemon.config.protection import protection_faults
 from dsz_daemon.config.sections import unit_in_name
 from dsz_daemon.config.signal_settings import SWITCHES
 from dsz_daemon.config.units import canonical_unit
@@ -34,6 +35,7 @@ def cross_faults(data: Mapping[str, Any]) -> list[tuple[Loc, str]]:
         *(fault for role, signal in roles.items() for fault in _one_signal(role, signal)),
         *_channels(roles, _mapping(data.get("bus"))),
         *_output(_mapping(data.get("output")), _mapping(data.get("bus"))),
+        *protection_faults(_mapping(data.get("protection"))),
         *_tolerances(_mapping(_mapping(data.get("diagnose")).get("tolerance"))),
     ]
 
@@ -92,10 +94,10 @@ def _shared_sources(roles: Mapping[str, Mapping[str, Any]]) -> Found:
         channel = signal.get("channel")
         for other, other_source, other_channel in taken:
             if source == other_source and (channel is None or other_channel in {None, channel}):
+                name = signal.get("signal") if isinstance(signal.get("signal"), str) else "the sum"
                 yield (
                     ("signals", role),
-                    f"is the same signal as {other} ({source[0]}.{signal.get('signal', 'the sum')}); "
-                    "expected a source of its own",
+                    f"is the same signal as {other} ({source[0]}.{name}); expected a source of its own",
                 )
                 break
         taken.append((role, source, channel))

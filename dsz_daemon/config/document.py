@@ -22,6 +22,9 @@ Loc = tuple[str | int, ...]
 
 # The largest sensible configuration is a few kB; a recording given by mistake is many MB.
 _MOST_BYTES = 1_000_000
+# It has a few hundred values. Aliases of aliases of aliases unfold to millions, which every check
+# after this one would have to go through.
+_MOST_VALUES = 100_000
 _PREFIX = "tag:yaml.org,2002:"
 
 
@@ -54,7 +57,7 @@ class Document:
 
     def where(self, loc: Sequence[str | int]) -> str:
         """`config.yaml:12: vehicle.mass_kg`; the nearest line above for a key that isn't there."""
-        dotted = ".".join(str(part) for part in loc)
+        dotted = dotted_name(loc)
         place = f"{self.path.name}:{self._line(loc)}"
         return f"{place}: {dotted}" if dotted else place
 
@@ -72,6 +75,12 @@ class Document:
             else:
                 break
         return int(mark.line) + 1
+
+
+def dotted_name(loc: Sequence[str | int]) -> str:
+    """`vehicle.mass_kg`; a key of any length and a nesting of any depth give a line that one can read."""
+    parts = [text if len(text) <= 60 else f"{text[:57]}..." for text in map(str, loc)]
+    return ".".join([*parts[:8], "..."] if len(parts) > 9 else parts)
 
 
 def read_document(path: Path) -> Document:
@@ -102,12 +111,15 @@ def _text(path: Path) -> str:
             raise _refused(path, "is a folder; expected a YAML file")
         if size > _MOST_BYTES:
             raise _refused(path, f"has {size / 1e6:.0f} MB; a configuration is a small YAML file")
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(_MOST_BYTES + 1)
     except FileNotFoundError:
         names = [p.name for p in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
         raise _refused(path, "no such file" + did_you_mean(path.name, names)) from None
     except OSError as error:
         raise _refused(path, f"can't be read: {error.strerror}") from None
+    if len(raw) > _MOST_BYTES:  # a pipe or a device tells no size
+        raise _refused(path, f"has more than {_MOST_BYTES / 1e6:.0f} MB; a configuration is a small YAML file")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -135,11 +147,13 @@ class _Reader:
         self.faults: list[Fault] = []
         self._path = path
         self._open: set[int] = set()
-        # An anchor's data is made once, however often its alias stands.
-        self._done: dict[int, Any] = {}
+        # An anchor's data is made once, however often its alias stands; counted it is every time.
+        self._done: dict[int, tuple[Any, int]] = {}
+        self._values = 0
 
     def value(self, node: yaml.Node, loc: Loc) -> Any:
         """The node's data; a fault and None where it has none."""
+        self._count(1)
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node, loc)
         if node.tag not in {_PREFIX + "map", _PREFIX + "seq"}:
@@ -147,15 +161,23 @@ class _Reader:
         if id(node) in self._open:
             return self._fault(node, loc, "contains itself (an anchor inside its own alias)")
         if id(node) in self._done:
-            return self._done[id(node)]
+            data, values = self._done[id(node)]
+            self._count(values)
+            return data
+        values_before = self._values
         self._open.add(id(node))
         if isinstance(node, yaml.SequenceNode):
-            data: Any = [self.value(item, (*loc, i)) for i, item in enumerate(node.value)]
+            data = [self.value(item, (*loc, i)) for i, item in enumerate(node.value)]
         else:
             data = self._mapping(node, loc)
         self._open.discard(id(node))
-        self._done[id(node)] = data
+        self._done[id(node)] = data, self._values - values_before
         return data
+
+    def _count(self, values: int) -> None:
+        self._values += values
+        if self._values > _MOST_VALUES:
+            raise _refused(self._path, f"unfolds to more than {_MOST_VALUES} values; a configuration has some hundred")
 
     def _mapping(self, node: yaml.Node, loc: Loc) -> dict[str, Any]:
         data: dict[str, Any] = {}
@@ -198,6 +220,6 @@ class _Reader:
         return self._fault(node, loc, f"tag {node.tag!r} on {text[:40]!r}; expected plain text or a number")
 
     def _fault(self, node: yaml.Node, loc: Loc, what: str) -> None:
-        dotted = ".".join(str(part) for part in loc)
+        dotted = dotted_name(loc)
         place = f"{self._path.name}:{node.start_mark.line + 1}"
         self.faults.append(Fault(f"{place}: {dotted}" if dotted else place, what))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from functools import cache
 from types import UnionType
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
@@ -26,9 +27,11 @@ class _Place(NamedTuple):
     name: str
 
 
-def explained(error: ValidationError, model: type[BaseModel]) -> list[tuple[Loc, str]]:
-    """Every fault as (location, text), in the order of the schema."""
-    return [_explained(details, model) for details in error.errors(include_url=False)]
+def explained(error: ValidationError, model: type[BaseModel], most: int = 200) -> list[tuple[Loc, str]]:
+    """Every fault as (location, text), in the order of the schema; beyond `most`, only how many more."""
+    errors = error.errors(include_url=False)
+    found = [_explained(details, model) for details in errors[:most]]
+    return found if len(errors) <= most else [*found, ((), f"and {len(errors) - most} faults more")]
 
 
 def _explained(details: ErrorDetails, model: type[BaseModel]) -> tuple[Loc, str]:
@@ -49,25 +52,27 @@ def _explained(details: ErrorDetails, model: type[BaseModel]) -> tuple[Loc, str]
 
 def _unknown_key(key: str, parents: Loc, model: type[BaseModel]) -> str:
     siblings = list(_model_of(_place(model, parents).annotation).model_fields)
-    hint = did_you_mean(key, siblings)
+    hint = did_you_mean(key[:80], siblings)
     if not hint:
-        homes = [section for section in _homes(key, model) if section != ".".join(map(str, parents))]
+        homes = [section for section in _homes(model).get(key, ()) if section != ".".join(map(str, parents))]
         if homes:
             hint = f"; it belongs in {homes[0]!r}"
         elif len(siblings) <= 12:
             hint = f"; known here: {', '.join(siblings)}"
-    return f"unknown key {key!r}{hint}"
+    return f"unknown key {_shown(key)}{hint}"
 
 
-def _homes(key: str, model: type[BaseModel], prefix: str = "") -> list[str]:
-    """Sections, dotted, that do have `key`; the top level is not one of them."""
-    found: list[str] = []
+@cache
+def _homes(model: type[BaseModel]) -> dict[str, list[str]]:
+    """Key -> the sections, dotted, that have it; the top level is not one of them."""
+    found: dict[str, list[str]] = {}
     for name, field in model.model_fields.items():
         below = _model_of(field.annotation)
         if get_origin(_bare(field.annotation)) is None and below is not _NoModel:
-            section = f"{prefix}{name}"
-            found += [section] if key in below.model_fields else []
-            found += _homes(key, below, f"{section}.")
+            for key in below.model_fields:
+                found.setdefault(key, []).append(name)
+            for key, sections in _homes(below).items():
+                found.setdefault(key, []).extend(f"{name}.{section}" for section in sections)
     return found
 
 

@@ -14,6 +14,9 @@ from dsz_daemon.config.explain import explained
 from dsz_daemon.config.settings import BusSettings, Settings
 from dsz_daemon.errors import ConfigError, Fault
 
+# Nobody reads more, and explaining each of a hundred thousand takes minutes.
+_MOST_FAULTS = 200
+
 
 class Checked(NamedTuple):
     """A file's settings (None where faults forbid them) and its faults, by location as well."""
@@ -41,10 +44,12 @@ def checked_settings(path: Path) -> Checked:
     try:
         settings = Settings.model_validate(data)
     except ValidationError as error:
-        found += explained(error, Settings)
+        found += explained(error, Settings, _MOST_FAULTS)
     seen = {loc for loc, _ in found}
     # One fault a place: what is missing or mistyped is said once, by whoever saw it first.
     found += [(loc, what) for loc, what in cross_faults(data) if loc not in seen]
+    if len(found) > 2 * _MOST_FAULTS:
+        found[2 * _MOST_FAULTS :] = [((), f"and {len(found) - 2 * _MOST_FAULTS} faults more")]
     faults = (*document.faults, *(Fault(document.where(loc), what) for loc, what in found))
     return Checked(document, None if faults else settings, faults, tuple(loc for loc, _ in found))
 

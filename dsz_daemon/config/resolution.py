@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,8 @@ from cantools.database.can import Message, Signal
 
 from dsz_daemon.config.cross_checks import cross_faults
 from dsz_daemon.config.nearest import did_you_mean
+from dsz_daemon.config.protection import ProtectionSettings
+from dsz_daemon.config.protection_lookup import protection_lookup
 from dsz_daemon.config.settings import Settings
 from dsz_daemon.config.signal_settings import SWITCHES, SignalSettings, SignalsSettings, SwitchSignal
 from dsz_daemon.config.units import canonical_unit
@@ -17,13 +19,14 @@ from dsz_daemon.config.vehicle import VehicleSettings
 from dsz_daemon.edge.dbc import LoadedDbc, load_dbc
 from dsz_daemon.errors import ConfigError, DszError, Fault, InputError
 from dsz_daemon.pipeline.mapping import Part, Source
+from dsz_daemon.pipeline.protection import Protection
 from dsz_daemon.signals import QUANTITIES, WHEEL_ROTATION_UNITS, WHEEL_SPEEDS
 
 Where = Callable[[Sequence[str | int]], str]
 
 
 class ResolvedSignals(NamedTuple):
-    """What decode needs: the sources, and the message of each name that they use.
+    """What decode needs: the sources, the message of each name that they use, and how messages are protected.
 
     `warnings` are likely mistakes, `notes` what one should know.
     """
@@ -32,6 +35,7 @@ class ResolvedSignals(NamedTuple):
     messages: dict[str, Message]
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    protections: tuple[Protection, ...] = ()
 
 
 class Resolution(NamedTuple):
@@ -53,7 +57,7 @@ def resolve(settings: Settings, base: Path, where: Where = dotted) -> ResolvedSi
     ConfigError with every fault (InputError where a DBC can't be read is all there is).
     """
     crossed = [Fault(where(loc), what) for loc, what in cross_faults(settings.model_dump(exclude_unset=True))]
-    found = resolution(settings.signals, settings.vehicle, base, where)
+    found = resolution(settings.signals, settings.vehicle, base, where, settings.protection)
     raise_faults("the signals do not fit the DBC", (*crossed, *found.faults), found.input_faults)
     return found.signals
 
@@ -66,8 +70,14 @@ def raise_faults(message: str, faults: Sequence[Fault], input_faults: Sequence[F
         raise InputError(message, input_faults)
 
 
-def resolution(signals: SignalsSettings, vehicle: VehicleSettings, base: Path, where: Where) -> Resolution:
-    """Every role looked up; never raises for what is wrong in the files."""
+def resolution(
+    signals: SignalsSettings,
+    vehicle: VehicleSettings,
+    base: Path,
+    where: Where,
+    protection: Mapping[str, ProtectionSettings],
+) -> Resolution:
+    """Every role and every protection looked up; never raises for what is wrong in the files."""
     dbcs, faults, input_faults = _loaded(signals.dbc, base, where)
     complete = len(dbcs) == len(signals.dbc)
     sources: list[Source] = []
@@ -90,9 +100,11 @@ def resolution(signals: SignalsSettings, vehicle: VehicleSettings, base: Path, w
             warnings += _unit_warnings(role, signal, message, where)
             sources.append(_source(role, signal, vehicle))
     warnings += _shared_ids(sources, messages)
+    protected = protection_lookup(protection, messages, dbcs, where, complete)
+    warnings += protected.warnings
     notes = tuple(text for dbc in dbcs for text in dbc.warnings)
-    resolved = ResolvedSignals(tuple(sources), messages, tuple(warnings), notes)
-    return Resolution(resolved, tuple(faults), tuple(input_faults))
+    resolved = ResolvedSignals(tuple(sources), messages, tuple(warnings), notes, protected.protections)
+    return Resolution(resolved, (*faults, *protected.faults), tuple(input_faults))
 
 
 def _loaded(names: Iterable[str], base: Path, where: Where) -> tuple[list[LoadedDbc], list[Fault], list[Fault]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
 from dsz_daemon.core import attitude, bicycle, gates, speed, stiffness, zeroing
@@ -76,18 +77,36 @@ def from_plain(plain: Plain) -> EstimatorState:
     return _built(EstimatorState, plain, "state")  # type: ignore[no-any-return]
 
 
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
 def _built(kind: Any, plain: Any, where: str) -> Any:
     if not hasattr(kind, "_fields"):
-        return _number_or_numbers(plain, where)
+        return _number(plain, where) if kind is float else _numbers(plain, where)
     if not isinstance(plain, dict) or set(plain) != set(kind._fields):
         raise ValueError(f"{where}: expected the fields {', '.join(kind._fields)}")
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     return kind(**{name: _built(hints[name], plain[name], f"{where}.{name}") for name in kind._fields})
 
 
-def _number_or_numbers(plain: Any, where: str) -> float | tuple[float, ...]:
-    if isinstance(plain, list):
-        return tuple(float(_number_or_numbers(item, where)) for item in plain)  # type: ignore[arg-type]
+def _numbers(plain: Any, where: str) -> tuple[float, ...]:
+    """A list of one number a signal: the only kind of list that there is."""
+    if not isinstance(plain, list) or len(plain) != gates.SIGNALS + 1:
+        raise ValueError(f"{where}: expected {gates.SIGNALS + 1} numbers")
+    return tuple(_number(item, where) for item in plain)
+
+
+def _number(plain: Any, where: str) -> float:
     if isinstance(plain, bool) or not isinstance(plain, int | float):
-        raise ValueError(f"{where}: {plain!r} is not a number")  # noqa: TRY004 - bad data, whatever its type
-    return float(plain)
+        raise ValueError(f"{where}: {_shown(plain)} is not a number")  # noqa: TRY004 - bad data, whatever its type
+    try:
+        return float(plain)
+    except OverflowError:
+        raise ValueError(f"{where}: a whole number of {plain.bit_length()} bits is too large") from None  # type: ignore[union-attr]
+
+
+def _shown(value: Any) -> str:
+    """What it is in few characters; what is nested may be nested so deeply that it can't be written out."""
+    return repr(value[:40]) if isinstance(value, str) else str(value) if value is None else type(value).__name__

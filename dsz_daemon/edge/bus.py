@@ -1,90 +1,86 @@
-"""CAN buses through python-can: open them all, receive the next frame of any, send, close.
+"""All configured CAN buses as one: frames of any of them in, frames out by bus name.
 
-The one place where `can.*` meets the loop. Stamps are rounded to the microsecond that a
-candump line can hold, so that a live run and a replay of its recording see the same times.
+SocketCAN goes its own way (`socketcan.py`); every other interface, and a SocketCAN one with further
+python-can arguments, through python-can.
 """
 
 from __future__ import annotations
 
-import select
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
-import can
-
-from dsz_daemon.errors import ConfigError, MachineError
+from dsz_daemon.edge.health import BusHealth
+from dsz_daemon.edge.socketcan import Ids, SocketCan
 from dsz_daemon.pipeline.frames import Frame
 
 # Several buses without file descriptors (virtual ones) are polled in turn, this long each.
 _POLL_S = 0.001
+# What our own way understands; `bitrate` is set by `ip link` on SocketCAN, python-can ignores it there too.
+_OWN_ARGUMENTS = {"interface", "channel", "fd", "bitrate"}
 
 
-def frame_of(message: can.Message, channel: str) -> Frame:
-    """A python-can message as a frame of the bus named `channel`."""
-    remote = bool(message.is_remote_frame)
-    return Frame(
-        t_ns=round(message.timestamp * 1e6) * 1000,
-        channel=channel,
-        can_id=message.arbitration_id,
-        data=b"" if remote else bytes(message.data),
-        is_extended=bool(message.is_extended_id),
-        is_fd=bool(message.is_fd),
-        is_remote=remote,
-        is_error=bool(message.is_error_frame),
-        fd_flags=(1 if message.bitrate_switch else 0) | (2 if message.error_state_indicator else 0),
-        remote_length=message.dlc if remote else 0,
-    )
+class Port(Protocol):
+    """One bus."""
 
+    health: BusHealth
 
-def message_of(frame: Frame) -> can.Message:
-    """A frame as a python-can message, stamped as the frame is."""
-    return can.Message(
-        timestamp=frame.t_ns * 1e-9,
-        arbitration_id=frame.can_id,
-        data=frame.data,
-        is_extended_id=frame.is_extended,
-        is_fd=frame.is_fd,
-        is_remote_frame=frame.is_remote,
-        is_error_frame=frame.is_error,
-        dlc=frame.remote_length if frame.is_remote else None,
-        bitrate_switch=bool(frame.fd_flags & 1),
-        error_state_indicator=bool(frame.fd_flags & 2),
-    )
+    def fileno(self) -> int:
+        """What epoll waits on; -1 where there is nothing to wait on."""
+        ...
+
+    def wait(self, timeout_s: float) -> bool:
+        """Waits for a frame, at most so long; whether there is one."""
+        ...
+
+    def receive(self, at_most: int) -> list[Frame]:
+        """The frames that wait, at most so many."""
+        ...
+
+    def send(self, frame: Frame) -> bool:
+        """Whether the interface took the frame."""
+        ...
+
+    def tend(self) -> None:
+        """What is to be done now and then."""
+        ...
+
+    def close(self) -> None:
+        """Closes the bus; safe to call twice."""
+        ...
 
 
 class Buses:
-    """All configured buses by name. Use as a context manager; opening reports every failure at once."""
+    """All configured buses by name. Use as a context manager.
 
-    def __init__(self, arguments: Mapping[str, Mapping[str, Any]]) -> None:
-        self._buses: dict[str, can.BusABC] = {}
-        self.dropped = 0
-        for name, options in arguments.items():
-            try:
-                self._buses[name] = can.Bus(**options)
-            except (can.CanError, OSError, ValueError, TypeError, NotImplementedError, ImportError) as error:
-                self.close()
-                kind = options.get("interface", "?")
-                what = f"bus {name}: {kind} channel {options.get('channel', '?')!s} did not open: {_one_line(error)}"
-                if isinstance(error, can.CanInterfaceNotImplementedError | TypeError | ImportError):
-                    raise ConfigError(f"{what}; expected a python-can interface and its arguments") from error
-                raise MachineError(f"{what}; is the interface up?") from error
-        self._descriptors = self._all_descriptors()
-        self._turn = 0
+    `wanted` are the ids to receive by bus name (no entry: all of them), `own` those that only we
+    should send, on `output`; both for interfaces whose kernel filters. `wait` for absent interfaces.
+    Raises ConfigError or MachineError where a bus does not open.
+    """
 
-    def _all_descriptors(self) -> dict[int, str] | None:
-        """File descriptors to wait on, or None where a bus has none (virtual)."""
-        found: dict[int, str] = {}
-        for name, bus in self._buses.items():
-            try:
-                descriptor = bus.fileno()
-            except NotImplementedError:
-                return None
-            if descriptor < 0:
-                return None
-            found[descriptor] = name
-        return found
+    def __init__(
+        self,
+        arguments: Mapping[str, Mapping[str, Any]],
+        wanted: Mapping[str, Ids] | None = None,
+        own: Ids = (),
+        output: str = "",
+        wait: bool = False,
+    ) -> None:
+        self._ports: dict[str, Port] = {}
+        try:
+            for name, options in arguments.items():
+                ids = None if wanted is None else wanted.get(name)
+                self._ports[name] = _opened(name, options, ids, own if name == output else (), wait)
+        except BaseException:
+            self.close()
+            raise
+
+    def refilter(self, wanted: Mapping[str, Ids] | None, own: Ids, output: str) -> None:
+        """Other ids from now on."""
+        for name, port in self._ports.items():
+            if isinstance(port, SocketCan):
+                port.refilter(None if wanted is None else wanted.get(name), own if name == output else ())
 
     def __enter__(self) -> Buses:
         return self
@@ -95,60 +91,82 @@ class Buses:
         self.close()
 
     def close(self) -> None:
-        """Shuts all buses down; safe to call twice."""
-        for bus in self._buses.values():
-            bus.shutdown()
-        self._buses = {}
+        """Shuts all buses down; safe to call twice. Their health can still be asked."""
+        for port in self._ports.values():
+            port.close()
 
-    def receive(self, timeout_s: float) -> Frame | None:
-        """The next frame of any bus, or None after timeout_s (0: only what is there).
+    @property
+    def health(self) -> tuple[BusHealth, ...]:
+        """How each bus is doing."""
+        return tuple(port.health for port in self._ports.values())
 
-        Raises MachineError when a bus fails.
-        """
-        if len(self._buses) == 1:
-            ((name, bus),) = self._buses.items()
-            return self._from(name, bus, timeout_s)
-        if self._descriptors is not None:
-            ready, _, _ = select.select(list(self._descriptors), [], [], timeout_s)
-            for descriptor in ready:
-                name = self._descriptors[descriptor]
-                return self._from(name, self._buses[name], 0.0)
-            return None
-        return self._polled(timeout_s)
+    @property
+    def dropped(self) -> int:
+        """Own frames that no interface took."""
+        return sum(port.health.dropped for port in self._ports.values())
 
-    def _polled(self, timeout_s: float) -> Frame | None:
-        names = list(self._buses)
-        end = time.monotonic() + timeout_s
-        while True:
-            for _ in names:
-                self._turn = (self._turn + 1) % len(names)
-                frame = self._from(names[self._turn], self._buses[names[self._turn]], 0.0)
-                if frame is not None:
-                    return frame
-            left = end - time.monotonic()
-            if left <= 0.0:
+    @property
+    def foreign(self) -> dict[int, int]:
+        """Frames with our own ids that somebody else sent, by id; seen on interfaces that don't echo our own."""
+        found: dict[int, int] = {}
+        for port in self._ports.values():
+            if isinstance(port, SocketCan):
+                found |= port.foreign
+        return found
+
+    def descriptors(self) -> list[int] | None:
+        """File descriptors to wait on (of an absent interface there is none), None where a bus can only be polled."""
+        found = []
+        for port in self._ports.values():
+            descriptor = port.fileno()
+            if descriptor >= 0:
+                found.append(descriptor)
+            elif not isinstance(port, SocketCan):
                 return None
-            time.sleep(min(_POLL_S, left))
+        return found
 
-    def _from(self, name: str, bus: can.BusABC, timeout_s: float) -> Frame | None:
-        try:
-            message = bus.recv(timeout_s)
-        except (can.CanError, OSError) as error:
-            raise MachineError(f"bus {name} failed while receiving: {_one_line(error)}") from error
-        return None if message is None else frame_of(message, name)
+    def wait(self, timeout_s: float) -> None:
+        """Waits for a frame where a bus can only be polled."""
+        ports = list(self._ports.values())
+        if len(ports) == 1:
+            ports[0].wait(timeout_s)
+            return
+        end_s = time.monotonic() + timeout_s
+        while sum(port.wait(0.0) for port in ports) == 0:
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                return
+            time.sleep(min(_POLL_S, left_s))
 
-    def send(self, frame: Frame) -> None:
-        """Sends one frame on its bus; a full transmit queue drops and counts it.
+    def receive(self, at_most: int) -> list[Frame]:
+        """The frames that wait on all buses, at most so many of each; Raises MachineError when a bus fails."""
+        frames: list[Frame] = []
+        for port in self._ports.values():
+            frames += port.receive(at_most)
+        return frames
 
-        Raises MachineError when the bus is gone.
+    def tend(self) -> None:
+        """Brings back what has gone away, where that can be."""
+        for port in self._ports.values():
+            port.tend()
+
+    def send(self, frame: Frame) -> bool:
+        """Sends one frame on its bus; one that the bus does not take is dropped and counted.
+
+        Raises MachineError when a bus of python-can is gone.
         """
-        try:
-            self._buses[frame.channel].send(message_of(frame), timeout=0.0)
-        except can.CanOperationError:
-            self.dropped += 1
-        except (can.CanError, OSError) as error:
-            raise MachineError(f"bus {frame.channel} failed while sending: {_one_line(error)}") from error
+        return self._ports[frame.channel].send(frame)
+
+    def send_all(self, frames: Sequence[Frame]) -> int:
+        """Sends them in order; returns how many were taken."""
+        return sum(self.send(frame) for frame in frames)
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+def _opened(name: str, options: Mapping[str, Any], wanted: Ids | None, own: Ids, wait: bool) -> Port:
+    given = {key for key, value in options.items() if value is not None}
+    if options.get("interface") == "socketcan" and isinstance(options.get("channel"), str) and given <= _OWN_ARGUMENTS:
+        return SocketCan(name, str(options["channel"]), bool(options.get("fd")), wanted, own, wait)
+    # Here, for a car that has only SocketCAN need not load it.
+    from dsz_daemon.edge.python_can import PythonCan  # noqa: PLC0415
+
+    return PythonCan(name, options)

@@ -1,9 +1,19 @@
-"""Where time comes from, as an object that is handed in: the wall clock, or a scaled one for replay."""
+"""Where time comes from, as an object that is handed in: the machine's clock, or a scaled one for replay."""
 
 from __future__ import annotations
 
 import time
 from typing import Protocol
+
+# A step is what no slewing does between two looks; slews (500 ppm) are followed.
+_STEP_NS = 5_000_000
+# Two clocks are compared only where reading them took no longer than this.
+_BRACKET_NS = 200_000
+_TRIES = 5
+# So long after a step, frames with stamps from before it may still wait in a queue.
+_MIXED_NS = 2_000_000_000
+# Stamps older than this (or from the future) make us look whether the clock was set.
+_NEAR_NS = 500_000_000
 
 
 class Clock(Protocol):
@@ -17,17 +27,74 @@ class Clock(Protocol):
         """How long (real seconds, never negative) until t_ns."""
         ...
 
+    def look(self) -> int:
+        """Whether somebody set the clock since the last look: by how many ns, 0 if not."""
+        ...
+
+    def bus_time_ns(self, stamp_ns: int) -> int:
+        """Bus time of a frame's stamp."""
+        ...
+
 
 class WallClock:
-    """The machine's own clock: what python-can stamps frames with."""
+    """The machine's clock, what the kernel stamps frames with, without its steps.
+
+    When somebody sets the clock (GNSS, NTP, a user), bus time goes on as if nothing had happened:
+    `look` sees the step against the boot clock, which counts through suspend as well, and later
+    times and stamps are corrected by it. `steps` counts them.
+    """
+
+    def __init__(self) -> None:
+        self.correction_ns = 0
+        self.steps = 0
+        self._before_ns = 0
+        self._stepped_ns: int | None = None
+        self._ahead_ns = _ahead_ns() or 0
 
     def now_ns(self) -> int:
-        """Now, in ns since the epoch."""
-        return time.time_ns()
+        """Now, in ns since the epoch as it was counted when we began; deaf to a step even before `look` sees it."""
+        return time.clock_gettime_ns(time.CLOCK_BOOTTIME) + self._ahead_ns + self.correction_ns
 
     def seconds_until(self, t_ns: int) -> float:
         """Real seconds until t_ns, 0 if it has passed."""
-        return max(0, t_ns - time.time_ns()) * 1e-9
+        return max(0, t_ns - self.now_ns()) * 1e-9
+
+    def look(self) -> int:
+        """The step since the last look in ns, forward positive; 0 if none."""
+        ahead_ns = _ahead_ns()
+        if ahead_ns is None:
+            return 0
+        step_ns, self._ahead_ns = ahead_ns - self._ahead_ns, ahead_ns
+        if abs(step_ns) < _STEP_NS:
+            return 0
+        self._before_ns = self.correction_ns
+        self.correction_ns -= step_ns
+        self._stepped_ns = self.now_ns()
+        self.steps += 1
+        return step_ns
+
+    def bus_time_ns(self, stamp_ns: int) -> int:
+        """The stamp in bus time; soon after a step it may still be one of the clock before."""
+        t_ns, now_ns = stamp_ns + self.correction_ns, self.now_ns()
+        is_mixed = self._stepped_ns is not None and now_ns - self._stepped_ns < _MIXED_NS
+        if not is_mixed and -_STEP_NS < now_ns - t_ns < _NEAR_NS:
+            return t_ns
+        if not self.look() and not is_mixed:
+            return t_ns
+        # A frame can't come from the future: of the two readings, the later one that does not.
+        readings = {stamp_ns + self.correction_ns, stamp_ns + self._before_ns}
+        return max((t for t in readings if t <= self.now_ns()), default=min(readings))
+
+
+def _ahead_ns() -> int | None:
+    """How far the wall clock is ahead of the boot clock; None if we were held up at every try."""
+    for _ in range(_TRIES):
+        before_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+        wall_ns = time.time_ns()
+        after_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+        if after_ns - before_ns < _BRACKET_NS:
+            return wall_ns - (before_ns + after_ns) // 2
+    return None
 
 
 class ScaledClock:
@@ -44,6 +111,14 @@ class ScaledClock:
     def seconds_until(self, t_ns: int) -> float:
         """Real seconds until the recording's t_ns, 0 if it has passed."""
         return max(0, t_ns - self.now_ns()) * 1e-9 / self._speed
+
+    def look(self) -> int:
+        """Nobody sets this clock."""
+        return 0
+
+    def bus_time_ns(self, stamp_ns: int) -> int:
+        """The stamp itself."""
+        return stamp_ns
 
 
 class PlayedClock:
@@ -63,3 +138,11 @@ class PlayedClock:
     def seconds_until(self, t_ns: int) -> float:
         """Real seconds that the player will need to get to t_ns, 0 if it has."""
         return max(0, t_ns - self.sent_ns) * 1e-9 / self._speed
+
+    def look(self) -> int:
+        """Nobody sets this clock."""
+        return 0
+
+    def bus_time_ns(self, stamp_ns: int) -> int:
+        """The stamp itself."""
+        return stamp_ns

@@ -27,6 +27,8 @@ _SIGNAL = re.compile(r"^\s+SG_ (?P<name>\w+)")
 _WHOLE_SIGNAL = re.compile(r"^\s+SG_ .+:.+\(.+\)\s*\[.*\]\s*\".*\"\s*\S+")
 _BARE_FRACTION = re.compile(r"(?<=[(,\[|])\.(?=\d)")
 _EXTENDED = 1 << 31
+# A car's whole network has some hundred kB; cantools takes a minute for what is allowed here.
+_MOST_BYTES = 16_000_000
 _LARGEST_STANDARD, _LARGEST_EXTENDED = 0x7FF, 0x1FFF_FFFF
 
 
@@ -46,7 +48,7 @@ def load_dbc(name: str, base: Path) -> LoadedDbc:
     """
     path = locate_dbc(name, base)
     text = _text(name, path)
-    last = text.rstrip().splitlines()[-1]
+    last = text.splitlines()[-1]
     # cantools passes over a signal that a cut file ends in.
     if _SIGNAL.match(last) and not _WHOLE_SIGNAL.match(last):
         raise InputError(f"{name}: is cut short: it ends in {last.strip()!r}")
@@ -60,12 +62,16 @@ def locate_dbc(name: str, base: Path) -> Path:
     """The file that `name` means; ConfigError with near misses when there is none."""
     if name.startswith("pkg:"):
         return _in_package(name)
-    path = base / Path(name).expanduser()
-    if path.is_dir():
-        raise _no_file(name, "is a folder; expected a DBC file")
-    if not path.exists():
-        beside = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        raise _no_file(name, f"no such file ({path}){_meant(path.name, beside)}")
+    try:
+        path = base / Path(name).expanduser()
+        if path.is_dir():
+            raise _no_file(name, "is a folder; expected a DBC file")
+        if not path.exists():
+            beside = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+            raise _no_file(name, f"no such file ({path}){_meant(path.name, beside)}")
+    except (OSError, ValueError, RuntimeError) as error:
+        # Too long, a NUL in it, a folder that we may not look into, the home of nobody.
+        raise _no_file(name, f"can't be looked up: {getattr(error, 'strerror', None) or error}") from None
     return path
 
 
@@ -75,12 +81,18 @@ def _in_package(name: str) -> Path:
     if not package.isidentifier() or not parts or ".." in parts:
         raise _no_file(name, "expected pkg:PACKAGE/FILE, e.g. pkg:opendbc/dbc/hyundai_2015_ccan.dbc")
     # Only looked up, never imported: a package's code has no business in reading a text file.
-    spec = importlib.util.find_spec(package)
+    try:
+        spec = importlib.util.find_spec(package)
+    except ValueError:  # of __main__, and of modules that somebody has put together by hand
+        spec = None
     if spec is None or not spec.submodule_search_locations:
         needs = " (needs Python below 3.13)" if package == "opendbc" else ""
         raise _no_file(name, f"package {package!r} is not installed; pip install {package}{needs}")
     roots = [Path(root) for root in spec.submodule_search_locations]
-    exact = [root.joinpath(*parts) for root in roots if root.joinpath(*parts).is_file()]
+    try:
+        exact = [root.joinpath(*parts) for root in roots if root.joinpath(*parts).is_file()]
+    except OSError as error:
+        raise _no_file(name, f"can't be looked up: {error.strerror}") from None
     if exact:
         return exact[0]
     # Shorthand: the file's name alone; and opendbc's own names for the files it composes.
@@ -111,10 +123,7 @@ def _no_file(name: str, what: str) -> ConfigError:
 
 def _text(name: str, path: Path) -> str:
     """The file's text with its imports; UTF-8, else cp1252 as DBC editors write it."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{name}: can't be read: {error.strerror}") from None
+    raw = _content(name, path)
     if not raw.strip():
         raise InputError(f"{name}: is empty; expected a DBC file")
     if b"\0" in raw:
@@ -123,14 +132,44 @@ def _text(name: str, path: Path) -> str:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", errors="replace")
-    imported = [_imported(name, path.parent / match["file"]) for match in _IMPORT.finditer(text)]
-    return "".join([*imported, _IMPORT.sub("", text)])
+    files = dict.fromkeys(match["file"] for match in _IMPORT.finditer(text))
+    whole = "".join([*(_imported(name, path.parent, file) for file in files), _IMPORT.sub("", text)])
+    if len(whole) > _MOST_BYTES:
+        raise _too_large(name)
+    if not whole.strip():
+        raise InputError(f"{name}: is empty; expected a DBC file")
+    return whole.rstrip() + "\n"
 
 
-def _imported(name: str, path: Path) -> str:
-    if not path.is_file():
-        raise InputError(f"{name}: imports {path.name!r}, which is not beside it")
-    return path.read_text(encoding="utf-8", errors="replace") + "\n"
+def _content(name: str, path: Path) -> bytes:
+    """The file's bytes; of a device or a pipe, which may never end, not one."""
+    try:
+        if not path.is_file():
+            raise InputError(f"{name}: is no file")
+        with path.open("rb") as file:
+            raw = file.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{name}: can't be read: {error.strerror}") from None
+    if len(raw) > _MOST_BYTES:
+        raise _too_large(name)
+    return raw
+
+
+def _too_large(name: str) -> InputError:
+    return InputError(f"{name}: has more than {_MOST_BYTES // 1_000_000} MB; a DBC file has some hundred kB")
+
+
+def _imported(name: str, folder: Path, file: str) -> str:
+    # A DBC from elsewhere must not have other files of this machine read into error messages.
+    if "/" in file or not file.isprintable():
+        raise InputError(f"{name}: imports {file[:80]!r}; expected the name of a file beside it")
+    try:
+        is_there = (folder / file).is_file()
+    except OSError:
+        is_there = False
+    if not is_there:
+        raise InputError(f"{name}: imports {file[:80]!r}, which is not beside it")
+    return _content(file, folder / file).decode("utf-8", errors="replace") + "\n"
 
 
 def _parsed(name: str, text: str, database_format: str) -> tuple[Database, tuple[str, ...]]:

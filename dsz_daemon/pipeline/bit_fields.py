@@ -1,4 +1,4 @@
-"""Where a DBC signal's bits lie in a payload, and how to read them one signal at a time.
+"""Where a DBC signal's bits lie in a payload, and readers made for one signal each, once, before the first frame.
 
 cantools describes the signal (DBC or any other format it loads); the bits are taken here and not by
 `Message.decode` for three reasons, each met in DBCs that people really use:
@@ -12,21 +12,26 @@ cantools describes the signal (DBC or any other format it loads); the bits are t
 
 from __future__ import annotations
 
-import struct
+from collections.abc import Callable
+from struct import Struct
 from typing import Literal, NamedTuple
 
 from cantools.database.can import Signal
 
+Reader = Callable[[bytes], float]
+RawReader = Callable[[bytes], int]
+
 # IEEE 754 by number of bits, as the DBC's SIG_VALTYPE_ allows (16: other formats).
-_FLOAT_FORMATS = {16: ">e", 32: ">f", 64: ">d"}
+_FLOAT_FORMATS = {16: "e", 32: "f", 64: "d"}
+# What the C library reads in one go, by number of bytes; lower case is signed.
+_WHOLE_FORMATS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 
 
 class BitField(NamedTuple):
     """One signal's place and scaling: physical = raw * `scale` + `offset`.
 
     The raw value is `mask` bits wide in bytes `first_byte` up to (not with) `end_byte`, read in
-    `order` and shifted right by `shift`. `float_format` is empty for integers; only for those does
-    `sign_bit` count, 0 for unsigned.
+    `order` and shifted right by `shift`. Only for integers does `sign_bit` count, 0 for unsigned.
     """
 
     first_byte: int
@@ -35,9 +40,14 @@ class BitField(NamedTuple):
     shift: int
     mask: int
     sign_bit: int
-    float_format: str
+    is_float: bool
     scale: float
     offset: float
+
+    @property
+    def bits(self) -> int:
+        """Width in bits."""
+        return self.mask.bit_length()
 
 
 def bit_field(signal: Signal) -> BitField:
@@ -65,23 +75,56 @@ def bit_field(signal: Signal) -> BitField:
         shift=shift,
         mask=(1 << signal.length) - 1,
         sign_bit=1 << (signal.length - 1) if signal.is_signed else 0,
-        float_format=_FLOAT_FORMATS[signal.length] if is_float else "",
+        is_float=is_float,
         scale=signal.conversion.scale,
         offset=signal.conversion.offset,
     )
 
 
-def unsigned_raw(field: BitField, data: bytes) -> int:
-    """Return the field's bits as they are, e.g. a multiplexer's value; `data` reaches `end_byte`."""
-    return (int.from_bytes(data[field.first_byte : field.end_byte], field.order) >> field.shift) & field.mask
+def raw_reader(field: BitField) -> RawReader:
+    """A reader of the field's bits as an unsigned number: a multiplexer, a counter, a checksum.
+
+    Like every reader it is given payloads that reach `end_byte`.
+    """
+    first, end, order, shift, mask = field.first_byte, field.end_byte, field.order, field.shift, field.mask
+    if end - first == 1:
+        return lambda data: (data[first] >> shift) & mask
+    from_bytes = int.from_bytes
+    return lambda data: (from_bytes(data[first:end], order) >> shift) & mask
 
 
-def physical(field: BitField, data: bytes) -> float:
-    """Return the field's value in the DBC's unit; `data` reaches `end_byte`. A float may be NaN or inf."""
-    raw: float = (int.from_bytes(data[field.first_byte : field.end_byte], field.order) >> field.shift) & field.mask
-    if field.float_format:
-        width_bytes = field.mask.bit_length() // 8
-        raw = struct.unpack(field.float_format, int(raw).to_bytes(width_bytes, "big"))[0]
-    elif field.sign_bit and int(raw) & field.sign_bit:
-        raw -= field.mask + 1
-    return raw * field.scale + field.offset
+def reader(field: BitField, factor: float = 1.0) -> Reader:
+    """A reader of `factor` times the field's value in the DBC's unit; of a float that may be NaN or infinite.
+
+    A number that fills its bytes is read in one go; one that lies across them is cut out of the
+    smallest such number around it, or where there is none (3, 5, 6, 7 or 9 bytes) out of a slice.
+    """
+    if field.is_float:
+        return _float_reader(field, factor)
+    first, shift, mask, sign = field.first_byte, field.shift, field.mask, field.sign_bit
+    scale, offset = field.scale, field.offset
+    bytes_spanned = field.end_byte - first
+    whole = _WHOLE_FORMATS.get(bytes_spanned)
+    if whole is None:
+        from_bytes, end, order = int.from_bytes, field.end_byte, field.order
+        return lambda data: (
+            factor * (((((from_bytes(data[first:end], order) >> shift) & mask) ^ sign) - sign) * scale + offset)
+        )
+    byte_order = ">" if field.order == "big" else "<"
+    if field.bits == 8 * bytes_spanned:
+        read = Struct(byte_order + (whole.lower() if sign else whole)).unpack_from
+        return lambda data: factor * (read(data, first)[0] * scale + offset)
+    if bytes_spanned == 1:
+        return lambda data: factor * (((((data[first] >> shift) & mask) ^ sign) - sign) * scale + offset)
+    read = Struct(byte_order + whole).unpack_from
+    return lambda data: factor * (((((read(data, first)[0] >> shift) & mask) ^ sign) - sign) * scale + offset)
+
+
+def _float_reader(field: BitField, factor: float) -> Reader:
+    scale, offset, first, width_bytes = field.scale, field.offset, field.first_byte, field.bits // 8
+    letter = _FLOAT_FORMATS[field.bits]
+    if field.shift == 0 and field.end_byte - first == width_bytes:
+        read = Struct((">" if field.order == "big" else "<") + letter).unpack_from
+        return lambda data: factor * (read(data, first)[0] * scale + offset)
+    raw, unpack = raw_reader(field), Struct(">" + letter).unpack
+    return lambda data: factor * (unpack(raw(data).to_bytes(width_bytes, "big"))[0] * scale + offset)

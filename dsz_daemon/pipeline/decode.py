@@ -1,89 +1,53 @@
-"""CAN frames to samples in SI, by the DBC and the mapping; bad frames are counted, never fatal."""
+"""CAN frames to samples in SI, by the DBC and the mapping; bad frames are counted, never fatal.
+
+A wanted frame passes three gates, the cheapest first: the rate bound of its id, the checksum and alive
+counter of its message where the configuration has them, and the bounds of each value in it.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from functools import partial
 
 from cantools.database.can import Message
 
-from dsz_daemon.pipeline.bit_fields import physical, unsigned_raw
+from dsz_daemon.errors import ConfigError, Fault
+from dsz_daemon.pipeline.bit_fields import Reader
+from dsz_daemon.pipeline.decode_counters import DecodeCounters, MessageCounts, RoleCounts, Sender
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.pipeline.mapping import Sample, Source
-from dsz_daemon.pipeline.source_plan import SourcePlan, message_plans
+from dsz_daemon.pipeline.protection import MessageCheck, Protection, Status, judged, message_check
+from dsz_daemon.pipeline.rate_bound import RateBound
+from dsz_daemon.pipeline.source_plan import MessagePlan, SourcePlan, is_on, message_plans
+
+__all__ = ["DecodeCounters", "Decoder", "MessageCounts", "RoleCounts"]
+
+DEFAULT_RESYNC_NS = 500_000_000
+_LARGEST = sys.float_info.max
+# Sample(...) without the detour through its Python constructor: there is one for every value on the bus.
+_sample = partial(tuple.__new__, Sample)
+
+# Role, its reader where the value needs no other signal's word, its bounds, its counts, and all of its plan.
+_Entry = tuple[str, Reader | None, float, float, RoleCounts, SourcePlan]
 
 
 @dataclass(slots=True)
-class RoleCounts:
-    """What became of one role's frames; each frame meant for the role is in exactly one count.
+class _Lane:
+    """What is wanted of one message on one channel, and what is remembered of it.
 
-    `short`: too few bytes for the role's signals. `not_present`: the multiplexer carried other
-    signals (no fault). `flagged`: its valid signal did not vouch. `not_a_number`: NaN or infinite.
-    `out_of_range`: outside the bounds of its source (which are inclusive).
+    `entries` are for payloads of `needed_bytes` and more; for others `careful`, which look at each signal's length.
     """
 
-    samples: int = 0
-    short: int = 0
-    not_present: int = 0
-    flagged: int = 0
-    not_a_number: int = 0
-    out_of_range: int = 0
-
-    @property
-    def rejected(self) -> int:
-        """Values that came but were not used."""
-        return self.short + self.flagged + self.not_a_number + self.out_of_range
-
-
-@dataclass(slots=True)
-class MessageCounts:
-    """One wanted message: frames used, how many were shorter or longer than the DBC says, last stamp.
-
-    `channel` is the first channel it came from: sources that name no channel are bound to it.
-    """
-
-    frames: int = 0
-    wrong_length: int = 0
-    last_t_ns: int | None = None
-    channel: str | None = None
-
-
-@dataclass(slots=True)
-class DecodeCounters:
-    """All that a decoder remembers; plain values, so that it can be saved and handed back.
-
-    `frames` counts every frame; `unwanted` those of ids or channels that nothing is mapped to,
-    `own` those of ids that this daemon publishes, `ambiguous` those of a wanted id on a second
-    channel although their source names none.
-    """
-
-    frames: int = 0
-    unwanted: int = 0
-    own: int = 0
-    remote: int = 0
-    error_frames: int = 0
-    ambiguous: int = 0
-    roles: dict[str, RoleCounts] = field(default_factory=dict)
-    messages: dict[str, MessageCounts] = field(default_factory=dict)
-
-    @property
-    def samples(self) -> int:
-        """Samples of all roles."""
-        return sum(counts.samples for counts in self.roles.values())
-
-    @property
-    def rejected(self) -> int:
-        """Values of all roles that came but were not used."""
-        return sum(counts.rejected for counts in self.roles.values())
-
-    def copy(self) -> DecodeCounters:
-        """Return an equal value that shares nothing with this one."""
-        return replace(
-            self,
-            roles={role: replace(counts) for role, counts in self.roles.items()},
-            messages={name: replace(counts) for name, counts in self.messages.items()},
-        )
+    counts: MessageCounts
+    sender: Sender
+    check: MessageCheck | None
+    length_bytes: int
+    needed_bytes: int
+    entries: tuple[_Entry, ...]
+    careful: tuple[_Entry, ...]
 
 
 class Decoder:
@@ -92,12 +56,15 @@ class Decoder:
     `messages` are the DBC's by the name that `Source.message` uses. Frames of `excluded_ids`, as
     (CAN id, is extended), never become samples: the ids that we publish ourselves. `counters` are
     those of an earlier decoder of the same mapping: resuming from them equals never having stopped.
+    `protections` say which messages carry a checksum or a counter, each message at most once; after a
+    silence of `resync_ns` any counter is taken. `rate_bound` holds for each message and channel.
 
     A source that names no channel takes its message from the first channel that it is seen on. The
     same id on another channel is most likely another device: those frames are counted as ambiguous
     and not used.
 
-    Raises ConfigError, with every fault, where a message or signal of a source is not in the DBC.
+    Raises ConfigError, with every fault, where a message or signal of a source or a protection is not
+    in the DBC.
     """
 
     def __init__(
@@ -106,14 +73,23 @@ class Decoder:
         messages: Mapping[str, Message],
         excluded_ids: Collection[tuple[int, bool]] = (),
         counters: DecodeCounters | None = None,
+        protections: Sequence[Protection] = (),
+        rate_bound: RateBound | None = None,
+        resync_ns: int = DEFAULT_RESYNC_NS,
     ) -> None:
         self._excluded = frozenset(excluded_ids)
-        self._plans = message_plans(sources, messages)
+        plans = message_plans(sources, messages)
+        self._plans = {address: plan for address, plan in plans.items() if address not in self._excluded}
+        self._checks = _checks(protections, messages, resync_ns)
+        self._rate_bound = rate_bound
         self._channels = frozenset(s.channel for s in sources if s.channel is not None)
         self._counters = counters.copy() if counters is not None else DecodeCounters()
         for source in sources:
             self._counters.roles.setdefault(source.role, RoleCounts())
             self._counters.messages.setdefault(source.message, MessageCounts())
+        self._rejected = self._counters.rejected
+        # By channel, id and whether that is extended; the flag: another message of that id is bound elsewhere.
+        self._lanes: dict[tuple[str, int, bool], tuple[tuple[_Lane, ...], bool]] = {}
 
     @property
     def counters(self) -> DecodeCounters:
@@ -127,102 +103,166 @@ class Decoder:
 
     @property
     def rejected(self) -> int:
-        """Values that came but were not used, of all roles; quicker than a copy of the counters."""
-        return self._counters.rejected
+        """What came but was not used: `counters.rejected`, at no cost."""
+        return self._rejected
 
     def wanted_ids(self) -> frozenset[tuple[int, bool]]:
         """(CAN id, is extended) of every frame that can become a sample: a bus filter's list."""
-        return frozenset(self._plans) - self._excluded
+        return frozenset(self._plans)
 
     def decode(self, frame: Frame) -> Sequence[Sample]:
         """Samples of one frame, at most one per role; empty for a frame that is not wanted."""
+        t_ns, channel, can_id, data, is_extended, _, is_remote, is_error, _, _ = frame
         counters = self._counters
         counters.frames += 1
-        if frame.is_error:
+        if is_error:
             counters.error_frames += 1
             return ()
-        if frame.is_remote:
+        if is_remote:
             counters.remote += 1
             return ()
-        address = (frame.can_id, frame.is_extended)
-        if address in self._excluded:
-            counters.own += 1
-            return ()
-        return self._wanted_samples(frame, address)
-
-    def _wanted_samples(self, frame: Frame, address: tuple[int, bool]) -> Sequence[Sample]:
+        lanes, is_ambiguous = self._lanes.get((channel, can_id, is_extended)) or self._opened(
+            channel, (can_id, is_extended)
+        )
+        counters.ambiguous += is_ambiguous
         samples: list[Sample] = []
-        is_used = is_ambiguous = False
+        for lane in lanes:
+            if self._is_admitted(lane, t_ns, data):
+                self._read(lane, t_ns, data, samples)
+        return samples
+
+    def _opened(self, channel: str, address: tuple[int, bool]) -> tuple[tuple[_Lane, ...], bool]:
+        """The lanes of an address on a channel, and whether one of its messages is bound to another channel.
+
+        Only where there are any are they kept: the number of channels that a log can name has no end.
+        """
+        lanes, is_ambiguous = [], False
         for plan in self._plans.get(address, ()):
-            seen = self._counters.messages[plan.name]
-            wanted = plan.by_channel.get(frame.channel, ())
+            counts = self._counters.messages[plan.name]
+            wanted = plan.by_channel.get(channel, ())
             if plan.anywhere:
-                if seen.channel is None:
-                    seen.channel = frame.channel
-                if seen.channel == frame.channel:
+                if counts.channel is None:
+                    counts.channel = channel
+                if counts.channel == channel:
                     wanted += plan.anywhere
                 else:
                     is_ambiguous = True
-            if not wanted:
-                continue
-            is_used = True
-            seen.frames += 1
-            seen.wrong_length += len(frame.data) != plan.length_bytes
-            seen.last_t_ns = frame.t_ns
-            for source_plan in wanted:
-                role = source_plan.source.role
-                value = _accepted_value(source_plan, frame.data, self._counters.roles[role])
-                if value is not None:
-                    samples.append(Sample(frame.t_ns, role, value))
-        self._counters.ambiguous += is_ambiguous
-        self._counters.unwanted += not (is_used or is_ambiguous)
-        return samples
+            if wanted:
+                sender = counts.senders.setdefault(channel, Sender())
+                lanes.append(self._lane(plan, wanted, counts, sender))
+        if lanes:
+            self._lanes[channel, *address] = tuple(lanes), is_ambiguous
+        elif address in self._excluded:
+            self._counters.own += 1
+        elif not is_ambiguous:
+            self._counters.unwanted += 1
+        return tuple(lanes), is_ambiguous
 
+    def _lane(self, plan: MessagePlan, wanted: Sequence[SourcePlan], counts: MessageCounts, sender: Sender) -> _Lane:
+        plain = [not source_plan.selectors and source_plan.valid is None for source_plan in wanted]
+        careful: list[_Entry] = [
+            # Infinite bounds let everything pass but infinity itself.
+            (p.source.role, None, max(p.source.low, -_LARGEST), min(p.source.high, _LARGEST),
+             self._counters.roles[p.source.role], p)
+            for p in wanted
+        ]  # fmt: skip
+        entries = [
+            (role, p.read if is_plain else None, low, high, role_counts, p)
+            for is_plain, (role, _, low, high, role_counts, p) in zip(plain, careful, strict=True)
+        ]
+        return _Lane(
+            counts=counts,
+            sender=sender,
+            check=self._checks.get(plan.name),
+            length_bytes=plan.length_bytes,
+            needed_bytes=max(
+                (p.needed_bytes for is_plain, p in zip(plain, wanted, strict=True) if is_plain), default=0
+            ),
+            entries=tuple(entries),
+            careful=tuple(careful),
+        )
 
-def _accepted_value(plan: SourcePlan, data: bytes, counts: RoleCounts) -> float | None:
-    """SI value of one source in one payload, or None; the outcome is added to `counts`."""
-    source = plan.source
-    length = len(data)
-    # The selectors first: the other pages of a multiplexed message may well be shorter.
-    if length < plan.selector_bytes:
-        counts.short += 1
+    def _is_admitted(self, lane: _Lane, t_ns: int, data: bytes) -> bool:
+        """Whether the frame as a whole may be used; it is counted either way."""
+        counts = lane.counts
+        if self._rate_bound is not None and not self._rate_bound.admits(lane.sender, t_ns):
+            counts.babbling += 1
+            self._rejected += 1
+            return False
+        if len(data) != lane.length_bytes:
+            counts.wrong_length += 1
+        if lane.check is not None:
+            status, lost = judged(lane.check, lane.sender, t_ns, data)
+            if status in _REFUSED:
+                name = _REFUSED[status]
+                setattr(counts, name, getattr(counts, name) + 1)
+                self._rejected += 1
+                return False
+            counts.lost += lost
+        counts.frames += 1
+        counts.last_t_ns = t_ns
+        return True
+
+    def _read(self, lane: _Lane, t_ns: int, data: bytes, samples: list[Sample]) -> None:
+        """The values of an admitted frame, added to `samples` where they can be used."""
+        for role, read, low, high, counts, plan in lane.entries if len(data) >= lane.needed_bytes else lane.careful:
+            value: float | None
+            if read is not None and low <= (value := read(data)) <= high:
+                counts.samples += 1
+            else:
+                value = self._accepted_value(plan, data, counts)
+                if value is None:
+                    continue
+            samples.append(_sample((t_ns, role, value)))
+
+    def _accepted_value(self, plan: SourcePlan, data: bytes, counts: RoleCounts) -> float | None:
+        """SI value of one source in one payload, or None; the outcome is added to `counts`."""
+        length = len(data)
+        # The selectors first: the other pages of a multiplexed message may well be shorter.
+        if length >= plan.selector_bytes:
+            for selector, values in plan.selectors:
+                if selector(data) not in values:
+                    counts.not_present += 1
+                    return None
+        if length < plan.needed_bytes:
+            counts.short += 1
+        elif plan.valid is not None and not is_on(plan.valid(data), plan.source.valid_values):
+            counts.flagged += 1
+        else:
+            value = plan.read(data)
+            if not math.isfinite(value):
+                counts.not_a_number += 1
+            elif not plan.source.low <= value <= plan.source.high:
+                counts.out_of_range += 1
+            else:
+                counts.samples += 1
+                return value
+        self._rejected += 1
         return None
-    for selector, values in plan.selectors:
-        if unsigned_raw(selector, data) not in values:
-            counts.not_present += 1
-            return None
-    if length < plan.needed_bytes:
-        counts.short += 1
-        return None
-    if plan.valid is not None and not _is_on(physical(plan.valid, data), source.valid_values):
-        counts.flagged += 1
-        return None
-    total = 0.0
-    for bits, sign in plan.parts:
-        total += sign * physical(bits, data)
-    value = _si_value(plan, total)
-    if not math.isfinite(value):
-        counts.not_a_number += 1
-        return None
-    if not source.low <= value <= source.high:
-        counts.out_of_range += 1
-        return None
-    counts.samples += 1
-    return value
 
 
-def _si_value(plan: SourcePlan, total: float) -> float:
-    """SI value of a source's sum in the DBC's unit; a switch gives 1 (on) or 0."""
-    source = plan.source
-    if source.is_switch and math.isfinite(total):
-        return 1.0 if _is_on(total, source.on_values) else 0.0
-    if source.volts_per_count is not None:
-        total = (total * source.volts_per_count - source.null_volts) / source.volts_per_unit
-    return plan.si_factor * total
+# The count of each verdict that costs a frame.
+_REFUSED = {
+    Status.WRONG_CHECKSUM: "wrong_checksum",
+    Status.REPEATED: "repeated",
+    Status.WRONG_SEQUENCE: "wrong_sequence",
+}
 
 
-def _is_on(value: float, on_values: tuple[float, ...]) -> bool:
-    """Whether `value` is one of `on_values` (to rounding), or simply not zero where none are given."""
-    if not on_values:
-        return value != 0.0
-    return any(math.isclose(value, on, rel_tol=1e-9, abs_tol=1e-9) for on in on_values)
+def _checks(
+    protections: Sequence[Protection], messages: Mapping[str, Message], resync_ns: int
+) -> dict[str, MessageCheck]:
+    checks: dict[str, MessageCheck] = {}
+    faults: list[Fault] = []
+    for protection in protections:
+        where, message = f"protection.{protection.message}", messages.get(protection.message)
+        if message is None:
+            faults.append(Fault(where, "is not a mapped message"))
+            continue
+        try:
+            checks[protection.message] = message_check(protection, message, resync_ns)
+        except ValueError as error:
+            faults.append(Fault(where, str(error)))
+    if faults:
+        raise ConfigError("the protection of messages does not fit the DBC", faults)
+    return checks

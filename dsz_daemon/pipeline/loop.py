@@ -23,20 +23,21 @@ from dsz_daemon.pipeline.align import Aligner
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.pipeline.mapping import Sample
 from dsz_daemon.pipeline.rows import Counters, Refusal, Row
-from dsz_daemon.pipeline.sensor_watch import SensorWatch
+from dsz_daemon.pipeline.sensor_watch import SensorWatch, WatchLimits
 from dsz_daemon.signals import IMU_CHANNELS
 
 NAN = math.nan
 
 
 class LoopSettings(NamedTuple):
-    """Rate and patience of the loop; `steering_ratio` is hand wheel over road wheel."""
+    """Rate and patience of the loop; `steering_ratio` is hand wheel over road wheel, `watch` for the sensors."""
 
     rate_hz: float = 100.0
     stale_after_s: float = 0.5
     gap_s: float = 1.0
     clock_step_s: float = 1.0
     steering_ratio: float = 1.0
+    watch: WatchLimits = WatchLimits()
 
     @property
     def period_ns(self) -> int:
@@ -92,7 +93,9 @@ class Loop:
         self._decoder, self._roles = decoder, roles
         self._unmapped = tuple(name not in roles for name in IMU_CHANNELS)
         stale_ns = round(settings.stale_after_s * 1e9)
-        self.memory = LoopMemory(estimator or initial_state(tuning), Aligner(stale_ns))
+        self.memory = LoopMemory(
+            estimator or initial_state(tuning), Aligner(stale_ns), watch=SensorWatch(settings.watch)
+        )
 
     @property
     def next_tick_ns(self) -> int | None:

@@ -24,6 +24,7 @@ _SLOPE_LOW, _SLOPE_HIGH = 0.55, 1.8
 _REFUSED = {
     "spike": "single samples that jump off and back, further than a car can move: a loose contact?",
     "frozen": "it repeated itself while the wheels' speed changed: a frozen sensor?",
+    "frozen wheel": "all wheels repeated themselves to the last digit while driving: a frozen unit or gateway?",
     "stamp": "their time is far ahead of all others'",
 }
 
@@ -168,7 +169,10 @@ class Plausibility:
         ]
 
     def _refused(self) -> list[str]:
-        return [f"{role}: {count} values not used: {_REFUSED[why]}" for (role, why), count in self.refused.items()]
+        def words(role: str, why: str) -> str:
+            return _REFUSED["frozen wheel" if why == "frozen" and role in WHEEL_SPEEDS else why]
+
+        return [f"{role}: {count} values not used: {words(role, why)}" for (role, why), count in self.refused.items()]
 
     def _speed(self) -> list[str]:
         words = []

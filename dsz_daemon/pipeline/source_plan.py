@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cantools.database.can import Message, Signal
 
 from dsz_daemon.errors import ConfigError, Fault
-from dsz_daemon.pipeline.bit_fields import BitField, bit_field
+from dsz_daemon.pipeline.bit_fields import BitField, RawReader, Reader, bit_field, raw_reader, reader
 from dsz_daemon.pipeline.mapping import Source
 
 
 class SourcePlan(NamedTuple):
-    """One role's source with its bits.
+    """One role's source with its readers.
 
-    `parts` are (field, sign). `selectors` are the multiplexers that must have one of their values
-    for the source to be in the frame. `selector_bytes` and `needed_bytes` are the shortest payloads
-    that hold the selectors and everything.
+    `read` gives the SI value of a payload; `valid` what its valid signal says, where it has one.
+    `selectors` are the multiplexers that must have one of their values for the source to be in the
+    frame. `selector_bytes` and `needed_bytes` are the shortest payloads that hold the selectors and
+    everything.
     """
 
     source: Source
-    parts: tuple[tuple[BitField, float], ...]
-    valid: BitField | None
-    selectors: tuple[tuple[BitField, frozenset[int]], ...]
+    read: Reader
+    valid: Reader | None
+    selectors: tuple[tuple[RawReader, frozenset[int]], ...]
     selector_bytes: int
     needed_bytes: int
-    si_factor: float
 
 
 class MessagePlan(NamedTuple):
@@ -96,13 +97,57 @@ def _source_plan(source: Source, message: Message) -> SourcePlan:
     selector_bytes = max((field.end_byte for field, _ in selectors), default=0)
     return SourcePlan(
         source=source,
-        parts=tuple((fields[part.signal], part.sign) for part in source.parts),
-        valid=fields[source.valid_signal] if source.valid_signal is not None else None,
-        selectors=selectors,
+        read=_si_reader(source, fields),
+        valid=reader(fields[source.valid_signal]) if source.valid_signal is not None else None,
+        selectors=tuple((raw_reader(field), values) for field, values in selectors),
         selector_bytes=selector_bytes,
         needed_bytes=max([selector_bytes, *(field.end_byte for field in fields.values())]),
-        si_factor=source.sign * source.to_si,
     )
+
+
+def _si_reader(source: Source, fields: Mapping[str, BitField]) -> Reader:
+    """The source's SI value of a payload: of a sum, behind an ADC, or 1 (on) or 0 of a switch."""
+    si_factor = source.sign * source.to_si
+    plain = not source.is_switch and source.volts_per_count is None
+    factor = si_factor if plain else 1.0
+    if len(source.parts) == 1:
+        part = source.parts[0]
+        total = reader(fields[part.signal], factor * part.sign)
+    else:
+        total = _sum(tuple(reader(fields[part.signal], part.sign) for part in source.parts), factor)
+    if source.is_switch:
+        on_values = source.on_values
+        return lambda data: _switched(total(data), on_values)
+    if source.volts_per_count is None:
+        return total
+    volts_per_count, null_volts, volts_per_unit = source.volts_per_count, source.null_volts, source.volts_per_unit
+    return lambda data: si_factor * ((total(data) * volts_per_count - null_volts) / volts_per_unit)
+
+
+def _sum(readers: Sequence[Reader], factor: float) -> Reader:
+    if len(readers) == 2:  # as steering wheel angles come: whole steps, and tenths beside them
+        first, second = readers
+        return lambda data: factor * (first(data) + second(data))
+
+    def read_sum(data: bytes) -> float:
+        total = 0.0
+        for read in readers:  # not sum(): it rounds otherwise from Python 3.12 on
+            total += read(data)
+        return factor * total
+
+    return read_sum
+
+
+def _switched(value: float, on_values: tuple[float, ...]) -> float:
+    """1.0 for on, 0.0 for off; what is no number stays none."""
+    return (1.0 if is_on(value, on_values) else 0.0) if math.isfinite(value) else math.nan
+
+
+def is_on(value: float, on_values: tuple[float, ...]) -> bool:
+    """Whether `value` is one of `on_values` (to rounding), or simply not zero where none are given."""
+    if not on_values:
+        return value != 0.0
+    return value in on_values or any(math.isclose(value, on, rel_tol=1e-9, abs_tol=1e-9) for on in on_values)
 
 
 def _selectors(signal: Signal, by_name: Mapping[str, Signal]) -> list[tuple[BitField, frozenset[int]]]:

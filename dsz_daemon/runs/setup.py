@@ -16,11 +16,12 @@ from dsz_daemon.config.settings import BusSettings, Settings
 from dsz_daemon.config.stability_check import stability_faults
 from dsz_daemon.core.state import EstimatorState
 from dsz_daemon.edge.dbc import load_dbc
-from dsz_daemon.errors import ConfigError
-from dsz_daemon.pipeline.decode import Decoder
-from dsz_daemon.pipeline.encode import Encoder
+from dsz_daemon.errors import ConfigError, Fault
+from dsz_daemon.pipeline.decode import DecodeCounters, Decoder
+from dsz_daemon.pipeline.encode import Encoder, EncoderState
 from dsz_daemon.pipeline.loop import Loop, LoopSettings
 from dsz_daemon.pipeline.plausibility import Plausibility
+from dsz_daemon.pipeline.rate_bound import RateBound
 from dsz_daemon.shipped import shipped
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -55,12 +56,13 @@ class Setup:
         """The same on other buses."""
         return replace(self, settings=self.settings.model_copy(update={"bus": buses}))
 
-    def encoder(self) -> Encoder:
-        """An encoder for the configured ids, cycles and bus."""
+    def encoder(self, state: EncoderState | None = None, spare: bool = False) -> Encoder:
+        """An encoder for the configured ids (or the spare ones), cycles and bus; `state` resumes an earlier one."""
         output, rate_hz = self.settings.output, self.settings.loop.rate_hz
         return Encoder(
             load_dbc(str(shipped("dbc/dsz.dbc")), Path()).database,
-            base_id=output.base_id,
+            base_id=output.spare_base_id if spare and output.spare_base_id is not None else output.base_id,
+            state=state,
             extended=output.extended,
             channel=self.output_bus,
             e2e_data_id=output.e2e_data_id,
@@ -68,16 +70,33 @@ class Setup:
             status_period_ticks=max(1, round(output.status_cycle_s * rate_hz)),
         )
 
-    def decoder(self, encoder: Encoder) -> Decoder:
-        """A decoder for the mapped signals, deaf to what we publish ourselves."""
+    def decoder(self, encoder: Encoder, counters: DecodeCounters | None = None) -> Decoder:
+        """A decoder for the mapped signals, deaf to what we publish ourselves; `counters` resumes an earlier one."""
         resolved = self.checked.resolved
-        return Decoder(resolved.sources, resolved.messages, excluded_ids=encoder.published_ids)
+        excluded = encoder.published_ids
+        if self.settings.output.spare_base_id is not None:
+            excluded |= self.encoder(spare=True).published_ids
+        loop = self.settings.loop
+        return Decoder(
+            resolved.sources,
+            resolved.messages,
+            excluded_ids=excluded,
+            counters=counters,
+            protections=resolved.protections,
+            rate_bound=RateBound.of(loop.input_rate_limit_hz, loop.input_burst_s, loop.clock_step_s),
+            resync_ns=round(loop.stale_after_s * 1e9),
+        )
 
     def loop(self, decoder: Decoder, estimator: EstimatorState | None = None) -> Loop:
         """The loop over that decoder; `estimator` resumes what was learnt before."""
         chosen, vehicle = self.settings.loop, self.settings.vehicle
         settings = LoopSettings(
-            chosen.rate_hz, chosen.stale_after_s, chosen.gap_s, chosen.clock_step_s, vehicle.steering_ratio
+            rate_hz=chosen.rate_hz,
+            stale_after_s=chosen.stale_after_s,
+            gap_s=chosen.gap_s,
+            clock_step_s=chosen.clock_step_s,
+            steering_ratio=vehicle.steering_ratio,
+            watch=self.settings.watch.limits(),
         )
         tuning = self.settings.estimator.tuning()
         return Loop(vehicle.car(), tuning, settings, decoder, self.roles, estimator)
@@ -98,16 +117,29 @@ def set_up(config: Path, buses: Sequence[str] = (), live: bool = False) -> Setup
     if setup.output_bus not in settings.buses:
         known = ", ".join(settings.buses)
         raise ConfigError(f"{config}: output.bus: there is no bus {setup.output_bus!r}; expected one of {known}")
-    base_id = settings.output.base_id
-    near = [m for m in checked.resolved.messages.values() if base_id <= m.frame_id < base_id + _IDS_SET_ASIDE]
-    taken = [m for m in near if (m.frame_id, m.is_extended_frame) in setup.encoder().published_ids]
-    if taken:
-        names = ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
-        raise ConfigError(
-            f"{config}: output.base_id: 0x{base_id:X} gives our own messages the ids of {names}, "
-            "which would never be read; expected ids that no mapped message has"
-        )
+    faults = _id_faults(setup)
+    if faults:
+        raise ConfigError("\n".join(f"{config}: {fault}" for fault in faults))
     return setup
+
+
+def _id_faults(setup: Setup) -> list[Fault]:
+    """Output ids that mapped messages have, and a move that has nowhere to go."""
+    output, faults = setup.settings.output, []
+    for key, base_id, spare in (("base_id", output.base_id, False), ("spare_base_id", output.spare_base_id, True)):
+        if base_id is None:
+            continue
+        messages = setup.checked.resolved.messages.values()
+        near = [m for m in messages if base_id <= m.frame_id < base_id + _IDS_SET_ASIDE]
+        taken = [m for m in near if (m.frame_id, m.is_extended_frame) in setup.encoder(spare=spare).published_ids]
+        if taken:
+            names = ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
+            what = f"0x{base_id:X} gives our own messages the ids of {names}, "
+            what += "which would never be read; expected ids that no mapped message has"
+            faults.append(Fault(f"output.{key}", what))
+    if output.on_conflict == "move" and output.spare_base_id is None:
+        faults.append(Fault("output.spare_base_id", "not given; `on_conflict: move` needs ids to move to"))
+    return faults
 
 
 def versions() -> dict[str, Any]:

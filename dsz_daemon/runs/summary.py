@@ -163,6 +163,18 @@ class RunSummary:
                 }
                 for role, role_counts in decoded.roles.items()
             },
+            "messages": {
+                name: {
+                    "frames": message.frames,
+                    "wrong_length": message.wrong_length,
+                    "wrong_checksum": message.wrong_checksum,
+                    "repeated": message.repeated,
+                    "wrong_sequence": message.wrong_sequence,
+                    "babbling": message.babbling,
+                    "lost": message.lost,
+                }
+                for name, message in decoded.messages.items()
+            },
         }
         return {
             "config": setup.path.name,
@@ -183,11 +195,14 @@ class RunSummary:
         }
 
     def _findings(self, decoded: DecodeCounters) -> list[str]:
-        words = [*self._plausibility.findings(), *self._gone(decoded)]
+        words = [*self._plausibility.findings(), *_refused(decoded), *self._gone(decoded)]
+        message_of = {source.role: source.message for source in self._setup.checked.resolved.sources}
         for role in sorted(self._setup.roles):
             counts = decoded.roles[role]
             if counts.samples == 0:
+                whole = decoded.messages[message_of[role]].refused
                 seen = f"{counts.rejected} values, all refused" if counts.rejected else "no frame of it"
+                seen = f"{whole} frames of {message_of[role]}, all refused" if whole and not counts.rejected else seen
                 words.append(f"{role}: mapped, but never received ({seen})")
             elif counts.rejected > 0.01 * counts.samples:
                 words.append(
@@ -209,6 +224,22 @@ class RunSummary:
                 since = f"in the last {age_s:.1f} s of the run" if known else "after the last gap in time"
                 found.setdefault(since, []).append(role)
         return [f"{', '.join(roles)}: no value {since}" for since, roles in found.items()]
+
+
+def _refused(decoded: DecodeCounters) -> list[str]:
+    """Messages of which more than a few frames were refused as a whole, or lost by their own alive counter."""
+    words = []
+    for name, message in decoded.messages.items():
+        came = message.frames + message.refused
+        if message.babbling or message.refused > 0.01 * came:
+            words.append(
+                f"{name}: {message.refused} of {came} frames refused (wrong checksum {message.wrong_checksum}, "
+                f"repeated counter {message.repeated}, counter out of sequence {message.wrong_sequence}, "
+                f"beyond loop.input_rate_limit_hz {message.babbling})"
+            )
+        if message.lost > 0.01 * came:
+            words.append(f"{name}: {message.lost} frames lost by its alive counter, {came} came")
+    return words
 
 
 # Some cars skip single frames as a rule: that is a note. Longer holes are a warning.

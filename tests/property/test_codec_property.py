@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dsz_daemon.core.outputs import ChannelOutput, ChannelState, Reason, StepOutput
-from dsz_daemon.pipeline.bit_fields import bit_field, physical
+from dsz_daemon.pipeline.bit_fields import bit_field, reader
 from dsz_daemon.pipeline.decode import Decoder
 from dsz_daemon.pipeline.encode import Encoder
 from dsz_daemon.pipeline.frames import Frame
@@ -122,7 +122,7 @@ def test_physical_values_come_back_within_half_an_lsb(data: st.DataObject, messa
     payload = message.encode(values, strict=False)
     for signal in message.signals:
         lsb = abs(signal.scale)
-        error = abs(physical(bit_field(signal), payload) - values[signal.name])
+        error = abs(reader(bit_field(signal))(payload) - values[signal.name])
         assert error <= 0.5 * lsb + 1e-9 * abs(values[signal.name])
 
 
@@ -386,5 +386,5 @@ def test_our_output_is_readable_by_our_decoder(row: Row) -> None:
 def test_floats_as_the_struct_module_packs_them(value: float, packing: str) -> None:
     order, start = ("little_endian", 0) if packing == "<f" else ("big_endian", 7)
     signal = Signal("F", start, 32, order, conversion=BaseConversion.factory(is_float=True))
-    got = physical(bit_field(signal), struct.pack(packing, value))
+    got = reader(bit_field(signal))(struct.pack(packing, value))
     assert got == value or (math.isnan(got) and math.isnan(value))

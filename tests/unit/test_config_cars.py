@@ -12,6 +12,7 @@ import yaml
 from dsz_daemon.config.check import CheckResult, check_configuration
 from dsz_daemon.config.document import read_document
 from dsz_daemon.config.settings import DiagnoseSettings, LoopSettings, OutputSettings
+from dsz_daemon.config.watch import WatchSettings
 from dsz_daemon.shipped import shipped
 
 CARS = sorted(path.name for path in (shipped("config") / "cars").glob("*.yaml"))
@@ -59,6 +60,22 @@ def test_the_example_is_complete_and_shows_the_defaults():
     assert settings.loop == LoopSettings()
     assert settings.output.model_copy(update={"bus": None}) == OutputSettings()
     assert settings.diagnose == DiagnoseSettings()
+    assert settings.watch == WatchSettings()
+    assert settings.watch.model_fields_set == set(WatchSettings.model_fields)
+    assert {"input_rate_limit_hz", "input_burst_s"} <= settings.loop.model_fields_set
+
+
+def test_the_examples_protection_is_right_where_its_hash_marks_are_taken_away(tmp_path):
+    text = (shipped("config") / "example.yaml").read_text(encoding="utf-8")
+    start = text.index("# protection:\n")
+    block, _, rest = text[start:].partition("\n\n")
+    shown = text[:start] + block.replace("# ", "", 1).replace("\n# ", "\n") + "\n\n" + rest
+    (tmp_path / "config.yaml").write_text(shown.replace("../dbc/", f"{shipped('dbc')}/"), encoding="utf-8")
+    result = check_configuration(tmp_path / "config.yaml")
+    assert result.warnings == ()
+    assert [protection.message for protection in result.resolved.protections] == [
+        "KINEMATICS", "STEER_ANGLE_SENSOR", "IMU_RATE",
+    ]  # fmt: skip
 
 
 def test_the_example_reads_the_data_sheets_sensors():

@@ -1,0 +1,166 @@
+"""Files made to hurt whoever reads them: each ends in one clear message, in bounded time and memory."""
+
+# ruff: noqa: E501 - files stand as they are written
+
+from __future__ import annotations
+
+import json
+import os
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from dsz_daemon.config.check import check_configuration
+from dsz_daemon.config.load import load_settings
+from dsz_daemon.edge import dbc
+from dsz_daemon.edge.dbc import load_dbc
+from dsz_daemon.edge.logs import LogReport, read_frames
+from dsz_daemon.errors import ConfigError, DszError, Fault, InputError
+
+VEHICLE = """\
+vehicle: {mass_kg: 1673, yaw_inertia_kgm2: 2850, cg_to_front_axle_m: 1.149, cg_to_rear_axle_m: 1.491,
+  front_cornering_stiffness_n_per_rad: 62000, rear_cornering_stiffness_n_per_rad: 68000}
+"""
+GOOD_DBC = 'VERSION ""\nBO_ 36 K: 8 X\n SG_ R : 0|16@1- (0.01,0) [-327|327] "deg/s" X\n'
+# Nine to the ninth: 387 million words, out of 500 bytes.
+LAUGHS = "".join(
+    f"{name}: &{name} [{', '.join(['x' if i == 0 else '*' + 'abcdefghi'[i - 1]] * 9)}]\n"
+    for i, name in enumerate("abcdefghi")
+)
+
+
+def refused(folder: Path, text: str | bytes) -> ConfigError:
+    path = folder / "config.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigError) as caught:
+        check_configuration(path)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        "signals: {dbc: *i, gyro_z: {message: *i, signal: *i, unit: *i}}",
+        "signals: {wheel_speed_fl: {message: m, signals: *i, unit: *i}, wheel_speed_fr: {message: m, signals: *i}}",
+        "bus: {can0: {interface: virtual, more: *i}}",
+        "diagnose: {tolerance: {mass_kg: *i}}",
+    ],
+)
+def test_a_billion_laughs_are_one_short_refusal(tmp_path, use):
+    error = refused(tmp_path, LAUGHS + VEHICLE + use)
+    assert "unfolds to more than 100000 values" in str(error)
+    assert len(str(error)) < 500
+
+
+def test_an_alias_that_is_used_a_few_times_is_welcome(tmp_path):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC)
+    text = (
+        VEHICLE
+        + "signals: {dbc: car.dbc, gyro_z: &z {message: K, signal: R, unit: deg/s}, yaw_rate_reference: {<<: *z, sign: -1}}"
+    )
+    assert "is the same signal as gyro_z (K.R)" in str(refused(tmp_path, text))
+
+
+def test_a_hundred_thousand_unknown_keys_are_told_as_two_hundred_and_how_many_more(tmp_path):
+    keys = ", ".join(f"k{i}: 1" for i in range(20_000))
+    error = refused(tmp_path, VEHICLE + f"signals: {{dbc: car.dbc, {keys}}}")
+    assert len(error.faults) < 410
+    assert "19800 faults more" in str(error)
+
+
+def test_a_key_of_any_length_makes_a_line_that_one_can_read(tmp_path):
+    error = refused(tmp_path, VEHICLE + "signals: {" + "k" * 100_000 + ": {}, dbc: x}")
+    assert max(map(len, str(error).splitlines())) < 1000
+
+
+@pytest.mark.parametrize("text", ["\x1b]0;title\a", "\x1b[2J", "\u202e", "a\nb", "\x9b31m"])
+def test_no_word_of_a_file_reaches_the_terminal_as_an_order(tmp_path, text):
+    for error in (
+        refused(tmp_path, VEHICLE + f"signals: {{dbc: {json.dumps(text)}, {json.dumps(text)}: 1}}"),
+        DszError(f"file {text}", [Fault(text, text)]),
+    ):
+        assert all(line.isprintable() for line in str(error).split("\n"))
+        assert str(error).count("\n") <= len(error.faults) + 1
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pkg:__main__/a.dbc",
+        "~nobody_of_that_name/a.dbc",
+        "a\0b",
+        "a" * 5000,
+        "pkg:can/" + "a" * 5000,
+        "\ud800",
+        "/",
+        "..",
+    ],
+)
+def test_a_dbc_name_that_is_none_is_a_configuration_error(tmp_path, name):
+    with pytest.raises(ConfigError):
+        load_dbc(name, tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"\xa0\xa0", b"\x1c\n", b"\xef\xbb\xbf \n", "\u2003".encode()])
+def test_a_dbc_of_nothing_but_odd_blanks_is_empty(tmp_path, content):
+    (tmp_path / "car.dbc").write_bytes(content)
+    with pytest.raises(InputError, match="empty"):
+        load_dbc("car.dbc", tmp_path)
+
+
+@pytest.mark.parametrize("file", ["../secret.dbc", "/etc/hostname", "sub/x.dbc", "a" * 300, "\x1b[2J"])
+def test_a_dbc_imports_only_what_lies_beside_it(tmp_path, file):
+    (tmp_path / "secret.dbc").write_text("the secret")
+    folder = tmp_path / "car"
+    folder.mkdir()
+    (folder / "car.dbc").write_text(f'CM_ "IMPORT {file}";\n{GOOD_DBC}')
+    with pytest.raises(InputError) as caught:
+        load_dbc("car.dbc", folder)
+    assert "the secret" not in str(caught.value)
+    assert "imports" in str(caught.value)
+
+
+def test_an_import_that_is_named_a_thousand_times_is_read_once(tmp_path):
+    (tmp_path / "part.dbc").write_text('BO_ 37 S: 8 X\n SG_ A : 0|8@1+ (1,0) [0|1] "" X\n')
+    (tmp_path / "car.dbc").write_text('CM_ "IMPORT part.dbc";\n' * 1000 + GOOD_DBC)
+    loaded = load_dbc("car.dbc", tmp_path)
+    assert [message.name for message in loaded.database.messages] == ["S", "K"]
+
+
+def test_a_dbc_that_never_ends_is_not_read(tmp_path, monkeypatch):
+    os.mkfifo(tmp_path / "pipe.dbc")
+    for name in ("pipe.dbc", "/dev/zero"):
+        with pytest.raises(InputError, match="is no file"):
+            load_dbc(name, tmp_path)
+    monkeypatch.setattr(dbc, "_MOST_BYTES", 1000)
+    (tmp_path / "car.dbc").write_text(GOOD_DBC + "\n" * 1000)
+    with pytest.raises(InputError, match="more than"):
+        load_dbc("car.dbc", tmp_path)
+
+
+def test_a_configuration_from_a_device_ends_at_a_megabyte(tmp_path):
+    with pytest.raises(ConfigError, match="more than 1 MB"):
+        load_settings(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("kind", ["gz", "zst"])
+def test_a_recording_that_unfolds_a_thousandfold_stays_small_in_memory(tmp_path, kind):
+    line = b"(1700000000.000000) can0 123#00\n"
+    if kind == "gz":
+        import gzip
+
+        data = gzip.compress(line + b"\0" * 200_000_000)
+    else:
+        zstandard = pytest.importorskip("zstandard", reason="zstandard is not installed")
+        data = zstandard.compress(line + b"\0" * 200_000_000)
+    path = tmp_path / f"bomb.log.{kind}"
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        report = LogReport()
+        assert len(list(read_frames([path], report))) == 1
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 64 * 2**20

@@ -1,0 +1,65 @@
+"""The loop's alarm clock on a real kernel: expirations, overruns, signals, descriptors."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+
+from dsz_daemon.edge.timer import TickTimer
+from dsz_daemon.edge.wake import Wake
+
+MS = 1_000_000
+
+
+def test_the_timer_keeps_its_grid_and_counts_what_nobody_came_for() -> None:
+    timer = TickTimer(10 * MS)
+    begin_ns = time.monotonic_ns()
+    timer.aim(10 * MS)
+    time.sleep(0.2)
+    timer.aim(10 * MS - (time.monotonic_ns() - begin_ns) % (10 * MS))  # the same grid: nothing is re-armed
+    count = timer.expired()
+    passed = (time.monotonic_ns() - begin_ns) // (10 * MS)
+    assert 19 <= count <= passed
+    assert timer.overruns == count - 1
+    assert timer.expired() in {0, 1}
+    timer.rest()
+    timer.expired()
+    time.sleep(0.03)
+    assert timer.expired() == 0
+    timer.close()
+    timer.close()
+
+
+def test_signals_and_descriptors_wake_and_are_told() -> None:
+    handler = signal.getsignal(signal.SIGHUP)
+    near, far = socket.socketpair()
+    with Wake(10 * MS) as wake:
+        wake.watch([near.fileno()])
+        assert wake.wait(0.0) == set()
+        far.send(b"x")
+        assert wake.wait(5.0) == {near.fileno()}
+        near.recv(1)
+        os.kill(os.getpid(), signal.SIGHUP)
+        begin = time.monotonic()
+        wake.wait(30.0)
+        assert time.monotonic() - begin < 20.0
+        assert wake.asked == {signal.SIGHUP}
+        wake.watch([])
+        far.send(b"y")
+        assert wake.wait(0.0) == set()
+        wake.watch([near.fileno()])
+        near.close()
+        # A descriptor that was closed has left by itself; its number may come again as another's.
+        wake.watch([far.fileno()])
+    assert signal.getsignal(signal.SIGHUP) == handler
+    far.close()
+
+
+def test_the_timer_wakes() -> None:
+    with Wake(10 * MS) as wake:
+        wake.timer.aim(5 * MS)
+        begin = time.monotonic()
+        wake.wait(30.0)
+        assert 0.004 < time.monotonic() - begin < 20.0

@@ -1,0 +1,31 @@
+"""Inside: `dsz run` on vcan0 that writes OUT/ready once its sockets are open, and OUT/summary.json at its end."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from dsz_daemon.edge.realtime import calm_collector
+from dsz_daemon.runs.live import Live, LiveOptions
+from dsz_daemon.runs.setup import set_up
+from dsz_daemon.runs.summary import finite
+
+
+def main(config: str, out: str) -> None:
+    setup = set_up(Path(config), ["can0=socketcan:vcan0", *_others(config)], live=True)
+    options = LiveOptions(on_ready=Path(out, "ready").touch)
+    live = Live(setup, options)
+    calm_collector()
+    summary = live.run()
+    Path(out, "summary.json").write_text(json.dumps(finite(summary)))
+
+
+def _others(config: str) -> list[str]:
+    """Further buses that the configuration names, all on vcan1."""
+    names = set_up(Path(config)).settings.buses
+    return [f"{name}=socketcan:vcan1" for name in names if name != "can0"]
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

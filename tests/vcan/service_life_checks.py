@@ -1,0 +1,153 @@
+"""Inside, under systemd: the service's life. Start, READY, crash, hang, reload, stop, start again."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+
+import service_bench as bench
+from guest_checks import Checks, run
+from service_bench import CONFIG, Unit, command, publishes, said, status
+
+DSZ = Unit("dsz.service")
+
+
+def life(checks: Checks) -> None:
+    """All of it, in the order of a drive with bad luck."""
+    bench.prepare(checks, "save_period_s: 2")
+    checks.equal("verify is clean", said("systemd-analyze", "verify", "--man=no", "dsz.service"), "")
+    exposure(checks, "dsz.service", 1.0)
+    enabled(checks)
+    waiting(checks)
+    player = bench.play()
+    ready(checks)
+    confined(checks)
+    crash(checks)
+    hang(checks, "the running daemon")
+    reload_good(checks)
+    reload_bad(checks)
+    stop_and_start(checks)
+    player.kill()
+    fields(checks)
+
+
+def exposure(checks: Checks, unit: str, limit: float) -> None:
+    """systemd's own figure, 0 (safe) to 10."""
+    done = command("systemd-analyze", "security", "--no-pager", f"--threshold={round(limit * 10)}", unit)
+    checks.tell(done.stdout.strip().splitlines()[-1])
+    checks.check(f"exposure of {unit} is at most {limit}", done.returncode == 0, done.stdout)
+
+
+def enabled(checks: Checks) -> None:
+    command("systemctl", "enable", "dsz")
+    boot = Unit("multi-user.target")
+    checks.check("enabled, it is wanted at boot", "dsz.service" in boot["Wants"].split())
+    checks.check("a silent bus does not hold up the boot", "dsz.service" not in boot["After"].split())
+
+
+def waiting(checks: Checks) -> None:
+    """No frames: neither ready nor failed, and watched over all the same."""
+    command("systemctl", "start", "--no-block", "dsz")
+    checks.until("STATUS while no frames come", lambda: DSZ["StatusText"] == "waiting for frames on can0")
+    checks.equal("not READY while no frames come", DSZ["ActiveState"], "activating")
+    hang(checks, "the waiting daemon")
+    checks.until("it waits again", lambda: DSZ["StatusText"] == "waiting for frames on can0")
+    checks.equal("still not READY", DSZ["ActiveState"], "activating")
+
+
+def ready(checks: Checks) -> None:
+    before = int(DSZ["NRestarts"])
+    checks.until("READY once frames flow", lambda: DSZ.is_active)
+    checks.check("STATUS says running", DSZ["StatusText"].startswith("running on can0"), DSZ["StatusText"])
+    checks.check("it publishes", publishes())
+    checks.equal("the same process that waited", int(DSZ["NRestarts"]), before)
+
+
+def confined(checks: Checks) -> None:
+    """What the kernel thinks of the running process."""
+    checks.check("not root", DSZ.process("Uid").split()[0] != "0")
+    for key in ("CapEff", "CapBnd", "CapAmb"):
+        checks.equal(f"no capability ({key})", int(DSZ.process(key), 16), 0)
+    checks.equal("system calls are filtered", DSZ.process("Seccomp"), "2")
+    checks.equal("no new privileges", DSZ.process("NoNewPrivs"), "1")
+    checks.equal("the status socket is 0660", said("stat", "-c", "%a", "/run/dsz/status.sock"), "660")
+
+
+def crash(checks: Checks) -> None:
+    time.sleep(4.0)  # two periods of saving
+    restarts, pid = int(DSZ["NRestarts"]), DSZ.pid
+    DSZ.signal(signal.SIGKILL)
+    checks.until("restarted after SIGKILL", lambda: int(DSZ["NRestarts"]) == restarts + 1 and DSZ.is_active)
+    checks.check("with a new process", DSZ.pid not in {0, pid})
+    age_s = status()["state_file"]["restored_age_s"]
+    checks.check("what was saved before the crash is known again", age_s is not None and 0 < age_s < 60, age_s)
+
+
+def hang(checks: Checks, what: str) -> None:
+    restarts, pid = int(DSZ["NRestarts"]), DSZ.pid
+    bites = DSZ.journal().count("Watchdog timeout")
+    begun_s = time.monotonic()
+    DSZ.signal(signal.SIGSTOP)
+    checks.until(f"{what}, stopped, is restarted", lambda: int(DSZ["NRestarts"]) > restarts and DSZ.pid not in {0, pid})
+    checks.tell(f"{time.monotonic() - begun_s:.1f} s after SIGSTOP")
+    checks.equal(f"{what} was restarted by the watchdog", DSZ.journal().count("Watchdog timeout"), bites + 1)
+
+
+def reload_good(checks: Checks) -> None:
+    checks.until("running again", lambda: DSZ.is_active)
+    pid, before = DSZ.pid, status()["channels"]["gyro_z"]
+    good = CONFIG.read_text()
+    CONFIG.write_text(good.replace("mass_kg: 1673.0", "mass_kg: 1700.0"))
+    done = command("systemctl", "reload", "dsz")
+    checks.equal("systemctl reload", done.returncode, 0)
+    checks.until("a good configuration is taken over", lambda: status().get("reloads") == 1)
+    after = status()["channels"]["gyro_z"]
+    # What was learnt goes on: the spread of a fresh start is tens of times this.
+    checks.check("with what was learnt", after["offset_std"] < 2.0 * before["offset_std"], (before, after))
+    checks.until("READY again", lambda: DSZ["SubState"] == "running")
+    checks.equal("by the same process", DSZ.pid, pid)
+    checks.equal("the journal says reloaded", len(DSZ.events("reloaded")), 1)
+
+
+def reload_bad(checks: Checks) -> None:
+    pid, good = DSZ.pid, CONFIG.read_text()
+    CONFIG.write_text(good.replace("mass_kg: 1700.0", "mass_kg: -5"))
+    command("systemctl", "reload", "dsz")
+    refused = checks.until("a bad configuration is refused", lambda: DSZ.events("reload_refused"))
+    checks.check("the journal says why", "mass" in refused[0]["MESSAGE"] and "-5" in refused[0]["MESSAGE"], refused)
+    checks.until("the old one goes on", lambda: DSZ["SubState"] == "running" and publishes())
+    checks.equal("in the same process", DSZ.pid, pid)
+    checks.equal("and is the one in force", status()["reloads"], 1)
+    CONFIG.write_text(good)
+
+
+def stop_and_start(checks: Checks) -> None:
+    state = "/var/lib/private/dsz/offsets.json"
+    offset = status()["channels"]["gyro_z"]
+    stopped_s = time.time()
+    checks.equal("systemctl stop", command("systemctl", "stop", "dsz").returncode, 0)
+    checks.equal("it ended well", (DSZ["Result"], DSZ["ExecMainStatus"]), ("success", "0"))
+    checks.check("stop saves the state", os.stat(state).st_mtime >= stopped_s - 1.0)
+    checks.equal("which is nobody else's", said("stat", "-c", "%a", os.path.dirname(state)), "700")
+    checks.equal("its runtime directory is gone", os.path.exists("/run/dsz"), False)
+    command("systemctl", "start", "dsz")
+    checks.check("started again", DSZ.is_active)
+    told = status()
+    age_s = told["state_file"]["restored_age_s"]
+    checks.check("with the saved offsets, and their age", age_s is not None and 0 < age_s < time.time() - stopped_s, age_s)
+    again = told["channels"]["gyro_z"]
+    checks.check("which are the ones it had", abs(again["offset"] - offset["offset"]) < 3 * offset["offset_std"], again)
+    checks.check("as sure as before", again["offset_std"] < 3 * offset["offset_std"], (offset, again))
+
+
+def fields(checks: Checks) -> None:
+    (event, *_) = DSZ.events("restored") or [{}]
+    checks.equal("an event has its unit", event.get("_SYSTEMD_UNIT"), "dsz.service")
+    checks.equal("its priority", event.get("PRIORITY"), "5")
+    checks.equal("its sender", event.get("SYSLOG_IDENTIFIER"), "dsz")
+
+
+if __name__ == "__main__":
+    sys.exit(run(life))
