@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import logging
 import re
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
@@ -26,6 +27,13 @@ _MESSAGE_ID = re.compile(r"^(?P<key>BO_|SIG_VALTYPE_|SG_MUL_VAL_) (?P<id>\d+) (?
 _SIGNAL = re.compile(r"^\s+SG_ (?P<name>\w+)")
 _WHOLE_SIGNAL = re.compile(r"^\s+SG_ .+:.+\(.+\)\s*\[.*\]\s*\".*\"\s*\S+")
 _BARE_FRACTION = re.compile(r"(?<=[(,\[|])\.(?=\d)")
+# cantools makes room for every bit and every value of a range, however many the text says there are. The
+# longest messages that a DBC describes are those of J1939's transport protocol, 1785 bytes.
+_BITS = re.compile(r"(?<!\d)(?P<start>\d++)\s*+\|\s*+(?P<length>\d++)\s*+@")
+_BYTES = re.compile(r"\bBO_\s++\d++\s++\w++\s*+:\s*+(?P<length>\d++)")
+_RANGE = re.compile(r"(?<!\d)(?P<low>\d++)\s*+-\s*+(?P<high>\d++)")
+_MOST_BITS, _MOST_MULTIPLEXED = 2048 * 8, 1 << 16
+_LONGEST_WORDS = 300
 _EXTENDED = 1 << 31
 # A car's whole network has some hundred kB; cantools takes a minute for what is allowed here.
 _MOST_BYTES = 16_000_000
@@ -52,6 +60,9 @@ def load_dbc(name: str, base: Path) -> LoadedDbc:
     # cantools passes over a signal that a cut file ends in.
     if _SIGNAL.match(last) and not _WHOLE_SIGNAL.match(last):
         raise InputError(f"{name}: is cut short: it ends in {last.strip()!r}")
+    beyond = _beyond_measure(text)
+    if beyond:
+        raise InputError(f"{name}: can't be read: {beyond}")
     database, warnings = _parsed(name, text, _FORMATS.get(path.suffix.lower(), "dbc"))
     if not database.messages:
         raise InputError(f"{name}: has no messages; expected a DBC file")
@@ -172,6 +183,25 @@ def _imported(name: str, folder: Path, file: str) -> str:
     return _content(file, folder / file).decode("utf-8", errors="replace") + "\n"
 
 
+def _beyond_measure(text: str) -> str:
+    """What in a DBC is larger than anything on a bus; "" if nothing is. Linear in the text's length."""
+    for found in _BITS.finditer(text):
+        if max(_number(found["start"]), _number(found["length"])) > _MOST_BITS:
+            return f"a signal at {found[0][:40]!r}; expected at most {_MOST_BITS} bits"
+    for found in _BYTES.finditer(text):
+        if _number(found["length"]) * 8 > _MOST_BITS:
+            return f"a message of {found['length'][:20]} bytes; expected at most {_MOST_BITS // 8}"
+    for piece in text.split("SG_MUL_VAL_")[1:]:
+        ranges = list(_RANGE.finditer(piece.partition(";")[0]))
+        if sum(max(0, _number(r["high"]) - _number(r["low"])) for r in ranges) > _MOST_MULTIPLEXED:
+            return f"multiplexer values {ranges[0][0][:40]!r}; expected at most {_MOST_MULTIPLEXED} of them"
+    return ""
+
+
+def _number(digits: str) -> int:
+    return int(digits) if len(digits) < 12 else 10**12
+
+
 def _parsed(name: str, text: str, database_format: str) -> tuple[Database, tuple[str, ...]]:
     """Strictly; else with overlapping signals; else without comments and impossible ids."""
     try:
@@ -194,6 +224,11 @@ def _parsed(name: str, text: str, database_format: str) -> tuple[Database, tuple
 
 
 def _load(text: str, database_format: str, *, strict: bool) -> Database:
+    # cantools logs what it finds twice, raw, and logging prints that where nobody has set it up: a line for each
+    # message of a file made so. What matters of it is told by the mapping's own warnings.
+    logger = logging.getLogger("cantools")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
     database = cantools.database.load_string(text, database_format=database_format, strict=strict)
     if not isinstance(database, Database):
         raise TypeError("describes diagnostics, not CAN messages")
@@ -237,4 +272,6 @@ def _one_line(error: Exception) -> str:
     """cantools' words without its wrapping."""
     text = " ".join(str(error).split())
     wrapped = re.fullmatch(r'DBC: "(?P<words>.*)"', text)
-    return wrapped["words"] if wrapped else (text or type(error).__name__)
+    words = wrapped["words"] if wrapped else (text or type(error).__name__)
+    # It quotes the offending line, whatever its length.
+    return words if len(words) <= _LONGEST_WORDS else f"{words[: _LONGEST_WORDS - 3]}..."

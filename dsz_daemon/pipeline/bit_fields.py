@@ -26,6 +26,9 @@ _FLOAT_FORMATS = {16: "e", 32: "f", 64: "d"}
 # What the C library reads in one go, by number of bytes; lower case is signed.
 _WHOLE_FORMATS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 
+# A CAN FD frame's 64 bytes.
+_WIDEST_BITS = 512
+
 
 class BitField(NamedTuple):
     """One signal's place and scaling: physical = raw * `scale` + `offset`.
@@ -51,7 +54,9 @@ class BitField(NamedTuple):
 
 
 def bit_field(signal: Signal) -> BitField:
-    """Place of `signal` in its message; ValueError for a float that is not 16, 32 or 64 bits wide.
+    """Place of `signal` in its message.
+
+    ValueError for a float that is not 16, 32 or 64 bits wide, and for what is in no CAN frame at all.
 
     DBC bit numbering: a little-endian signal starts at its least significant bit, a big-endian one
     at its most significant bit, and bits count from 0 = least significant within each byte.
@@ -59,6 +64,8 @@ def bit_field(signal: Signal) -> BitField:
     is_float = signal.conversion.is_float
     if is_float and signal.length not in _FLOAT_FORMATS:
         raise ValueError(f"a float of {signal.length} bits (expected 16, 32 or 64)")
+    if not (signal.start >= 0 and 1 <= signal.length <= _WIDEST_BITS):
+        raise ValueError(f"{signal.length} bits from bit {signal.start} on (expected 1 to {_WIDEST_BITS}, from 0 on)")
     first_byte = signal.start // 8
     if signal.byte_order == "little_endian":
         end_bit = signal.start + signal.length

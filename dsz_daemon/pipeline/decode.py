@@ -187,6 +187,7 @@ class Decoder:
         counts = lane.counts
         if self._rate_bound is not None and not self._rate_bound.admits(lane.sender, t_ns):
             counts.babbling += 1
+            lane.sender.unread += 1
             self._rejected += 1
             return False
         if len(data) != lane.length_bytes:

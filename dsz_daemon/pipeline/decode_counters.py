@@ -32,14 +32,15 @@ class Sender:
     """What must be known of one message on one channel to judge its next frame.
 
     `due_ns`: the rate bound's only memory (see `rate_bound`). `counter` and `counter_ns`: the last alive
-    counter of an intact frame and that frame's stamp; `corrupt`: frames with a wrong checksum since;
-    `out_of_step`: the last counter was out of sequence, and the next one must fit before it counts.
+    counter of an intact frame and that frame's stamp; `unread`: frames that came since, but were babbling
+    or had a wrong checksum; `out_of_step`: the last counter was out of sequence, and the next one must fit
+    before it counts.
     """
 
     due_ns: int | None = None
     counter: int | None = None
     counter_ns: int = 0
-    corrupt: int = 0
+    unread: int = 0
     out_of_step: bool = False
 
 

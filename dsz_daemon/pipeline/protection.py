@@ -180,12 +180,12 @@ def message_check(protection: Protection, message: Message, resync_ns: int) -> M
 def judged(check: MessageCheck, sender: Sender, t_ns: int, data: bytes) -> tuple[Status, int]:
     """What a frame is, and how many were lost before it; `sender` remembers it."""
     if len(data) < check.needed_bytes:
-        sender.corrupt += 1
+        sender.unread += 1
         return Status.WRONG_CHECKSUM, 0
     if len(data) > check.checked_bytes:
         data = data[: check.checked_bytes]
     if check.is_intact is not None and not check.is_intact(data):
-        sender.corrupt += 1
+        sender.unread += 1
         return Status.WRONG_CHECKSUM, 0
     if check.read_counter is None:
         return Status.OK, 0
@@ -200,7 +200,7 @@ def _in_order(check: MessageCheck, sender: Sender, t_ns: int, counter: int) -> t
     sender.counter, sender.counter_ns = counter, t_ns
     if last == counter and is_recent:
         return Status.REPEATED, 0
-    corrupt, sender.corrupt = sender.corrupt, 0
+    unread, sender.unread = sender.unread, 0
     if last is None or not is_recent:
         sender.out_of_step = False
         return Status.INITIAL, 0
@@ -211,6 +211,6 @@ def _in_order(check: MessageCheck, sender: Sender, t_ns: int, counter: int) -> t
     if sender.out_of_step:
         sender.out_of_step = False
         return Status.WRONG_SEQUENCE, 0
-    # Those that came with a wrong checksum have come, and are counted as that.
-    lost = max(0, skipped - corrupt)
+    # Frames that came and could not be read are counted as what they were.
+    lost = max(0, skipped - unread)
     return (Status.SOME_LOST, lost) if lost else (Status.OK, 0)

@@ -157,7 +157,9 @@ def _selectors(signal: Signal, by_name: Mapping[str, Signal]) -> list[tuple[BitF
     for _ in by_name:  # a nesting is no deeper than there are signals; a circle in a bad DBC ends here
         if below.multiplexer_ids is None or below.multiplexer_signal is None:
             break
-        selector = by_name[below.multiplexer_signal]
+        selector = by_name.get(below.multiplexer_signal)
+        if selector is None:
+            raise ValueError(f"signal {below.name!r} is on a page of {below.multiplexer_signal!r}, which is no signal")
         chain.append((_field(selector), frozenset(below.multiplexer_ids)))
         below = selector
     return chain

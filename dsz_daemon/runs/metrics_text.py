@@ -112,7 +112,7 @@ def _motion_and_inputs(page: Exposition, answer: dict[str, Any]) -> None:
         quantity = QUANTITIES[role]
         name = "_".join(part for part in ("dsz_input", quantity.suffix) if part)
         page.gauge(name, f"input as used at the last row, {quantity.si_unit}", given["value"], {"role": role})
-        page.gauge("dsz_input_age_seconds", "its age at the last row", given["age_s"], {"role": role})
+        page.gauge("dsz_input_age_seconds", "age of that input", given["age_s"], {"role": role})
 
 
 def _count(page: Exposition, of: str, section: dict[str, Any], labels: dict[str, str] | None = None) -> None:

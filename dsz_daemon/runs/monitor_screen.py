@@ -49,7 +49,7 @@ def picture(answer: dict[str, Any] | None, trend: Trend, problem: str, where: st
         lines.append(_line(answer["summary"], PHASE_STYLES.get(answer["phase"], "")))
     body = [
         _line(uptime_words(answer)),
-        _line(motion_words(answer["motion"])),
+        _line(f"motion: {motion_words(answer['motion'])}"),
         *_channels(answer["channels"], trend, size),
         *(_bus(bus, trend) for bus in answer["buses"]),
         _line(f"ticks: {lateness_words(answer)}"),
@@ -120,7 +120,7 @@ def _bus(bus: dict[str, Any], trend: Trend) -> Text:
 
 def _counts(answer: dict[str, Any]) -> str:
     counters = answer["row"]["counters"] if answer["row"] else {}
-    seen = ", ".join(f"{counters[name]} {name.replace('_', ' ')}" for name in counters if name != "missed_ticks")
+    seen = ", ".join(f"{counters[name]} {name.replace('_', ' ')}" for name in counters)
     refused = "; OUTPUT REFUSED: another sender uses our ids" if answer["output_refused"] else ""
     return f"seen: {seen or NOTHING}{refused}"
 

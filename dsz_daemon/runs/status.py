@@ -14,7 +14,7 @@ from dataclasses import fields
 from functools import cache
 from typing import Any
 
-from dsz_daemon.core.outputs import ChannelState, StepOutput
+from dsz_daemon.core.outputs import ChannelState, Reason, StepOutput
 from dsz_daemon.edge.health import BusHealth, Link
 from dsz_daemon.pipeline.decode_counters import DecodeCounters, MessageCounts, RoleCounts
 from dsz_daemon.pipeline.encode import EncoderState
@@ -52,6 +52,8 @@ def snapshot_text(setup: Setup, facts: LiveFacts) -> bytes:
 def snapshot(setup: Setup, facts: LiveFacts) -> dict[str, Any]:
     """Everything in `facts`, by name, with units; only mapped IMU channels and roles are in it."""
     now_ns, row = facts.now_ns, facts.row
+    # As it is published meanwhile: nothing is known but the offsets.
+    silent = facts.phase == "silent"
     return {
         "format": FORMAT,
         "summary": status_line(setup, facts),
@@ -69,9 +71,9 @@ def snapshot(setup: Setup, facts: LiveFacts) -> dict[str, Any]:
         "reloads": facts.reloads,
         "output_refused": facts.output_refused,
         "row": None if row is None else _row(row, now_ns),
-        "channels": {name: _channel(name, row) for name in setup.channels},
-        "motion": {} if row is None else _motion(row.output),
-        "inputs": {role: _input(role, row) for role in sorted(setup.roles)},
+        "channels": {name: _channel(name, row, silent) for name in setup.channels},
+        "motion": {} if row is None or silent else _motion(row.output),
+        "inputs": {role: _input(role, row, now_ns) for role in sorted(setup.roles)},
         "decoder": _decoder(facts.decoder, now_ns),
         "encoder": {name: getattr(facts.encoder, name) for name in _ENCODER},
         "buses": [_bus(bus, now_ns - facts.started_ns) for bus in facts.buses],
@@ -104,16 +106,21 @@ def _row(row: Row, now_ns: int) -> dict[str, Any]:
         "age_s": _age_s(now_ns, row.t_ns),
         "event": row.event,
         "refused": [refusal._asdict() for refusal in row.refused],
-        "counters": row.counters._asdict(),
+        # Missed ticks are the daemon's to count (above); a row gets theirs only when it is published.
+        "counters": {name: n for name, n in row.counters._asdict().items() if name != "missed_ticks"},
     }
 
 
-def _channel(name: str, row: Row | None) -> dict[str, Any]:
+def _channel(name: str, row: Row | None, silent: bool) -> dict[str, Any]:
     unit = QUANTITIES[name].si_unit
     if row is None:
         nothing = dict.fromkeys(("raw", "compensated", "offset", "offset_std"))
         return {"unit": unit, **nothing, "state": "invalid", "gate": False, "reason": "no_rows"}
     output = getattr(row.output, name)
+    if silent:
+        output = output._replace(
+            raw=math.nan, compensated=math.nan, state=ChannelState.INVALID, gate=False, reason=Reason.STALE
+        )
     return {
         "unit": unit,
         "raw": _number(output.raw),
@@ -131,8 +138,10 @@ def _motion(output: StepOutput) -> dict[str, Any]:
     return {name: value if isinstance(value, bool) else _number(value) for name, value in values}
 
 
-def _input(role: str, row: Row | None) -> dict[str, Any]:
+def _input(role: str, row: Row | None, now_ns: int) -> dict[str, Any]:
     value, age_s = (None, None) if row is None else (row.inputs.get(role), row.ages_s.get(role))
+    if row is not None and age_s is not None:
+        age_s += _age_s(now_ns, row.t_ns)
     return {"unit": QUANTITIES[role].si_unit, "value": _number(value), "age_s": _number(age_s)}
 
 

@@ -73,7 +73,7 @@ def ago(age_s: float | None) -> str:
     """An age, coarse.
 
     >>> ago(0.0042), ago(3.14), ago(4000.0), ago(None)
-    ('4 ms', '3.1 s', '1 h 7 min', '-')
+    ('4 ms', '3.1 s', '1 h 6 min', '-')
     """
     if age_s is None:
         return NOTHING
@@ -96,7 +96,7 @@ def microseconds(value_us: float | None) -> str:
 def motion_words(motion: dict[str, Any]) -> str:
     """How the car moves, on one line."""
     if not motion:
-        return "no row yet"
+        return "not known"
     if motion["standstill"]:
         return "standstill"
     return (

@@ -40,12 +40,8 @@ class Trend:
             {bus["name"]: (bus["received"], bus["sent"]) for bus in answer["buses"]},
         )
         last = self._moments[-1] if self._moments else None
-        if (
-            run != self._run
-            or last is None
-            or moment.time_s < last.time_s
-            or last.frames.keys() != moment.frames.keys()
-        ):
+        goes_on = last is not None and run == self._run and moment.time_s >= last.time_s
+        if not goes_on:
             self._moments.clear()
         self._run = run
         self._moments.append(moment)

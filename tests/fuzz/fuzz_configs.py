@@ -6,6 +6,7 @@ printable words. DBC files are read once here (`fuzz_dbcs` is about those); ever
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import re
@@ -100,13 +101,13 @@ def one(session: Session, data: bytes) -> None:
 
 
 @cache
-def _loaded(name: str, base: Path) -> LoadedDbc:
-    return load_dbc(name, base)
+def _loaded(name: str) -> LoadedDbc:
+    return load_dbc(name, GOLDEN)
 
 
 def _loaded_once(name: str, base: Path) -> LoadedDbc:
     """Good files once; whatever is wrong with a name is found anew each time."""
-    return _loaded(name, base) if name in _GOOD else load_dbc(name, base)
+    return _loaded(name) if name in _GOOD else load_dbc(name, base)
 
 
 def look_at(error: DszError) -> None:
@@ -134,13 +135,13 @@ def _changed(base: dict[str, Any], rng: random.Random) -> Any:
     for _ in range(1 + int(rng.expovariate(0.7))):
         places = list(_places(data))
         if not places:
-            return rng.choice(_VALUES)
+            return copy.deepcopy(rng.choice(_VALUES))
         holder, key = rng.choice(places)
         draw = rng.random()
         if draw < 0.2:
             del holder[key]
         elif draw < 0.6:
-            holder[key] = rng.choice(_VALUES)
+            holder[key] = copy.deepcopy(rng.choice(_VALUES))
         elif draw < 0.75:
             other, other_key = rng.choice(places)
             holder[key] = json.loads(json.dumps(other[other_key], default=str))

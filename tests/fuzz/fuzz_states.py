@@ -7,6 +7,7 @@ with whatever was taken over.
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 from functools import cache
@@ -133,7 +134,7 @@ def _change(body: Any, rng: random.Random) -> None:
             # Another number of the same kind: the forger who knows what he does.
             holder[key] *= rng.choice((-1.0, 0.5, 2.0, 10.0, 1e3, 1e-3))
         elif draw < 0.9 or not isinstance(holder, dict):
-            holder[key] = rng.choice(_VALUES)
+            holder[key] = copy.deepcopy(rng.choice(_VALUES))
         else:
             holder[str(key) + "x"] = holder[key]
 

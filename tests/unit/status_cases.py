@@ -75,12 +75,19 @@ def last_moment() -> LiveFacts:
     return list(moments(every=10**9))[-1]
 
 
+@cache
+def golden_texts(every: int) -> tuple[bytes, ...]:
+    """What a daemon answers along the drive."""
+    return tuple(status.snapshot_text(golden_setup(), facts) for facts in moments(every))
+
+
 class FakeDaemon:
     """Answers at `path` from a thread, each time with the next moment of the drive (the last one again and again)."""
 
     def __init__(self, path: Path, every: int = 25, texts: Iterator[bytes] | None = None) -> None:
         self.path, self.answered = path, 0
-        self._texts = texts or (status.snapshot_text(golden_setup(), facts) for facts in moments(every))
+        # Made beforehand: a daemon answers at once.
+        self._texts = texts or iter(golden_texts(every))
         self._text, self._stop = b"", threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 

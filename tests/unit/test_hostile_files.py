@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -17,6 +19,8 @@ from dsz_daemon.edge import dbc
 from dsz_daemon.edge.dbc import load_dbc
 from dsz_daemon.edge.logs import LogReport, read_frames
 from dsz_daemon.errors import ConfigError, DszError, Fault, InputError
+from dsz_daemon.pipeline.decode import Decoder
+from dsz_daemon.runs.setup import set_up
 
 VEHICLE = """\
 vehicle: {mass_kg: 1673, yaw_inertia_kgm2: 2850, cg_to_front_axle_m: 1.149, cg_to_rear_axle_m: 1.491,
@@ -36,6 +40,11 @@ def refused(folder: Path, text: str | bytes) -> ConfigError:
     with pytest.raises(ConfigError) as caught:
         check_configuration(path)
     return caught.value
+
+
+def decoder(path: Path) -> Decoder:
+    prepared = set_up(path)
+    return prepared.decoder(prepared.encoder())
 
 
 @pytest.mark.parametrize(
@@ -62,7 +71,7 @@ def test_an_alias_that_is_used_a_few_times_is_welcome(tmp_path):
     assert "is the same signal as gyro_z (K.R)" in str(refused(tmp_path, text))
 
 
-def test_a_hundred_thousand_unknown_keys_are_told_as_two_hundred_and_how_many_more(tmp_path):
+def test_twenty_thousand_unknown_keys_are_told_as_two_hundred_and_how_many_more(tmp_path):
     keys = ", ".join(f"k{i}: 1" for i in range(20_000))
     error = refused(tmp_path, VEHICLE + f"signals: {{dbc: car.dbc, {keys}}}")
     assert len(error.faults) < 410
@@ -126,6 +135,67 @@ def test_an_import_that_is_named_a_thousand_times_is_read_once(tmp_path):
     (tmp_path / "car.dbc").write_text('CM_ "IMPORT part.dbc";\n' * 1000 + GOOD_DBC)
     loaded = load_dbc("car.dbc", tmp_path)
     assert [message.name for message in loaded.database.messages] == ["S", "K"]
+
+
+def test_a_message_that_is_there_twice_prints_nothing(tmp_path):
+    # In a process of its own: here the test runner has set logging up.
+    (tmp_path / "car.dbc").write_text(GOOD_DBC + GOOD_DBC.partition("\n")[2])
+    code = "from pathlib import Path; from dsz_daemon.edge.dbc import load_dbc; load_dbc('car.dbc', Path())"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == (b"", b"")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0|16@", "0|4294967295@"),
+        ("0|16@", f"{'9' * 5000}|16@"),
+        ("0|16@", "0 | 99999999 @"),
+        ("K: 8", "K: 4294967295"),
+        ("K: 8", f"K: {'9' * 5000}"),
+    ],
+)
+def test_a_dbc_with_more_bits_than_any_bus_has_is_refused_at_once(tmp_path, old, new):
+    assert old in GOOD_DBC
+    (tmp_path / "car.dbc").write_text(GOOD_DBC.replace(old, new))
+    with pytest.raises(InputError, match="expected at most") as caught:
+        load_dbc("car.dbc", tmp_path)
+    assert len(str(caught.value)) < 200
+
+
+def test_multiplexer_ranges_of_millions_are_refused_at_once(tmp_path):
+    text = 'BO_ 5 M: 8 X\n SG_ S M : 0|32@1+ (1,0) [0|0] "" X\n SG_ V m0 : 32|8@1+ (1,0) [0|0] "" X\nSG_MUL_VAL_ 5 V S RANGE;\n'
+    (tmp_path / "car.dbc").write_text(text.replace("RANGE", "0-4, 8-9"))
+    assert len(load_dbc("car.dbc", tmp_path).database.messages[0].signals[1].multiplexer_ids) == 7
+    (tmp_path / "car.dbc").write_text(text.replace("RANGE", "0-4294967295"))
+    with pytest.raises(InputError, match="multiplexer values"):
+        load_dbc("car.dbc", tmp_path)
+
+
+@pytest.mark.parametrize("place", ["0|0@1+", "7|0@0-", "-8|8@0+", "0|513@1+"])
+def test_a_signal_that_is_in_no_frame_is_no_signal(tmp_path, place):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC.replace("0|16@1-", place))
+    (tmp_path / "config.yaml").write_text(
+        VEHICLE + "signals: {dbc: car.dbc, gyro_z: {message: K, signal: R, unit: deg/s}}"
+    )
+    with pytest.raises(DszError):
+        decoder(tmp_path / "config.yaml")
+
+
+def test_a_page_of_a_multiplexer_that_is_not_there_is_a_fault_of_its_signal(tmp_path):
+    (tmp_path / "car.dbc").write_text('BO_ 5 M: 8 X\n SG_ V m0 : 32|8@1+ (1,0) [0|0] "" X\nSG_MUL_VAL_ 5 V GONE 0-4;\n')
+    (tmp_path / "config.yaml").write_text(
+        VEHICLE + "signals: {dbc: car.dbc, gyro_z: {message: M, signal: V, unit: deg/s}}"
+    )
+    with pytest.raises(DszError, match="GONE"):
+        decoder(tmp_path / "config.yaml")
+
+
+def test_a_line_of_a_dbc_of_any_length_is_quoted_in_short(tmp_path):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC.replace("0|16@1-", "0|16@1- ((" + "x" * 50_000))
+    with pytest.raises(InputError) as caught:
+        load_dbc("car.dbc", tmp_path)
+    assert len(str(caught.value)) < 500
 
 
 def test_a_dbc_that_never_ends_is_not_read(tmp_path, monkeypatch):

@@ -442,6 +442,21 @@ def test_what_a_law_comes_to_is_never_refused(setup: Setup, name: str, printed: 
             assert unreachable_zeroing(state, law, c, tuning.block_s) == ""
 
 
+def test_a_law_whose_single_look_tells_more_than_the_steady_state(setup: Setup) -> None:
+    """A look of 0.01 and a steady state of sqrt(Q S) = sqrt(1e-4 * 1) = 0.1^2: the look is surer."""
+    law = setup.settings.estimator.tuning().accel_z._replace(
+        look_std=0.01, drift_density=1e-4, noise_density=1.0, noise_blocks=1e15, standstill_density=1.0
+    )
+    assert smallest_variance(law) == pytest.approx(1e-4)
+    assert smallest_variance(law._replace(look_std=1.0)) == pytest.approx(1e-2)
+    state, least = zeroing.unlearnt(law), math.inf
+    for _ in range(2000):
+        state = zeroing.zeroed(state, 0.0, False, law, False, 5.0, 0.01)
+        least = min(least, state.variance)
+        assert unreachable_zeroing(state, law, 1.0, 5.0) == ""
+    assert least < 0.9e-2
+
+
 def test_what_the_adaptation_comes_to_is_never_refused(setup: Setup) -> None:
     tuning, car = setup.settings.estimator.tuning(), setup.settings.vehicle.car()
     state: StiffnessState = initial_stiffness(tuning)

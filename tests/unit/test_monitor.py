@@ -187,6 +187,7 @@ class Terminal:
 
     def __init__(self, path: Path, columns: int = 80, rows: int = 24) -> None:
         self.master, slave = pty.openpty()
+        self.descriptors = [self.master, slave]
         ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         self.before = termios.tcgetattr(slave)
         self.screen = ""
@@ -221,9 +222,11 @@ class Terminal:
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
-        for descriptor in (self.master, self.slave):
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
+        self.hang_up()
+
+    def hang_up(self) -> None:
+        while self.descriptors:
+            os.close(self.descriptors.pop())
 
 
 @contextlib.contextmanager
@@ -272,8 +275,7 @@ def test_it_waits_for_a_daemon_and_survives_its_restart(tmp_path: Path) -> None:
 def test_it_ends_when_its_terminal_is_gone(tmp_path: Path) -> None:
     with FakeDaemon(tmp_path / "s"), terminal(tmp_path / "s") as shown:
         shown.until("yaw rate")
-        os.close(shown.slave)
-        os.close(shown.master)
+        shown.hang_up()
         shown.process.wait(30.0)
 
 

@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 from state_cases import body, fill, mounted
 
-from dsz_daemon.edge.state_file import MAX_BYTES, decoded, encoded, load, lock_path, previous_path
+from dsz_daemon.edge.state_file import decoded, encoded, load, lock_path, previous_path
 from dsz_daemon.edge.state_keeper import StateKeeper
-from dsz_daemon.edge.state_writer import HEADER
+from dsz_daemon.edge.state_writer import DEAF_TO, HEADER
 
 # Only whoever hangs takes longer.
 HANG_S = 30.0
@@ -158,15 +158,31 @@ def test_a_hanging_disk_holds_nobody_up(keep: Callable[[], StateKeeper], path: P
 
 
 def test_a_half_sent_state_is_never_mixed_with_the_next(keep: Callable[[], StateKeeper], path: Path) -> None:
-    """States larger than the pipe go over in pieces."""
+    """Of three states the pipe takes one and a half: the half goes on before the third."""
     keeper = keep()
-    for n in range(30):
-        keeper.save({"n": n, "ballast": chr(ord("a") + n % 26) * (MAX_BYTES - 500)})
-        keeper.outcomes()
+    keeper.save(body(0))
+    assert answered(keeper) == "saved"
+    pid = paused(keeper)
+    states = [{"n": n, "ballast": letter * 43_000} for n, letter in enumerate("abcd")]
+    assert [keeper.save(state) for state in states] == [True, False, False, False]
+    os.kill(pid, signal.SIGCONT)
     assert keeper.close(HANG_S)
-    loaded = load(path)
-    assert loaded.said == ()
-    assert loaded.body == {"n": 29, "ballast": "d" * (MAX_BYTES - 500)}
+    assert not [words for words in keeper.outcomes() if words != "saved"]
+    assert load(path) == (states[3], (), "current")
+
+
+def test_closing_starts_a_killed_process_once_more(keep: Callable[[], StateKeeper], path: Path) -> None:
+    """However soon after the last start: it is the last chance."""
+    keeper = keep()
+    keeper.save(body(0))
+    assert answered(keeper) == "saved"
+    pid = keeper.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+    until(lambda: state_of(pid) in {"", "Z"})
+    assert not keeper.save(body(1))
+    assert keeper.close(HANG_S)
+    assert load(path).body == body(1)
 
 
 def test_closing_while_the_disk_hangs_gives_up_in_time(keep: Callable[[], StateKeeper], path: Path) -> None:
@@ -291,9 +307,8 @@ def test_signals_that_end_a_daemon_are_not_for_the_process(
 
 
 def test_signals_of_ours_are_as_before(keep: Callable[[], StateKeeper]) -> None:
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
     keep()
-    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
+    assert not DEAF_TO & signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_the_daemon_is_killed_and_its_last_state_is_saved(path: Path) -> None:
@@ -412,6 +427,7 @@ def test_a_relative_path_is_meant_from_here(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     for name in ("json", "struct", "hashlib", "dsz_daemon"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit(7)")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     keeper = StateKeeper(Path("offsets.json"))
     keeper.save(body(1))
     assert answered(keeper) == "saved"
@@ -470,6 +486,19 @@ def test_a_stream_that_ends_within_a_state_leaves_the_one_before(path: Path, lef
     done = written(path, frame(1, encoded(body(1))) + frame(2, encoded(body(2)))[:left])
     assert (done.returncode, done.stdout) == (0, b"saved 1\n")
     assert load(path).body == body(1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_by_itself_it_is_deaf_too(path: Path, number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "dsz_daemon.edge.state_writer", str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        process.stdin.write(frame(1, encoded(body(1))))
+        process.stdin.flush()
+        until(path.exists)
+        process.send_signal(number)
+        out, _ = process.communicate(frame(2, encoded(body(2))), timeout=HANG_S)
+    assert (process.returncode, out) == (0, b"saved 1\nsaved 2\n")
 
 
 def test_an_impossible_length_ends_it(path: Path) -> None:

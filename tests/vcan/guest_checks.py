@@ -25,7 +25,7 @@ class Checks:
     def check(self, name: str, passed: object, detail: object = "") -> bool:
         """Says whether something holds; `detail` is shown where it does not."""
         if passed:
-            print(f"ok {name}   [{time.monotonic() - self._begun_s:.1f}]", flush=True)
+            print(f"ok {name}", flush=True)
         else:
             self._failed += 1
             print(f"FAIL {name}: {detail}", flush=True)
@@ -52,12 +52,17 @@ class Checks:
         return 1 if self._failed else 0
 
 
-def run(script: Callable[[Checks], None]) -> int:
-    """Runs a script to its end; an exception in it is a failure with its traceback."""
+def run(script: Callable[[Checks], None], background: Callable[[], str] = str) -> int:
+    """Runs a script to its end; an exception in it is a failure with its traceback.
+
+    `background` is asked for what else to show where something failed.
+    """
     checks = Checks()
     try:
         script(checks)
     except Exception:
         checks.check("the script ran to its end", False, "an exception")
         traceback.print_exc()
+    if checks.end():
+        print(background(), flush=True)
     return checks.end()

@@ -1,4 +1,4 @@
-"""Inside, under systemd: dsz installed, its service asked and shaken, frames played to it. Only the standard library."""
+"""Inside, under systemd: dsz installed, its service looked at, frames played to it. Only the standard library."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from vehicle import DSZ, PROJECT, install_dsz
 
 sys.path.insert(0, str(PROJECT))
 
-from dsz_daemon.edge.status_socket import ask  # noqa: E402
-from dsz_daemon.errors import DszError  # noqa: E402
+from dsz_daemon.edge.status_socket import ask
+from dsz_daemon.errors import DszError
 
 GOLDEN = PROJECT / "tests" / "golden"
 CONFIG = Path("/etc/dsz/config.yaml")
@@ -76,10 +76,11 @@ class Unit:
 
     def process(self, key: str) -> str:
         """A line of the main process's /proc/PID/status."""
-        for line in Path(f"/proc/{self.pid}/status").read_text().splitlines():
+        status_file = Path(f"/proc/{self.pid}/status")
+        for line in status_file.read_text().splitlines() if status_file.exists() else ():
             if line.startswith(f"{key}:"):
                 return line.partition(":")[2].strip()
-        return ""
+        return "none"
 
     def signal(self, number: signal.Signals) -> None:
         """Sends a signal to the main process alone."""
@@ -124,3 +125,21 @@ def plug(interface: str = "vcan0") -> None:
 def unplug(interface: str = "vcan0") -> None:
     """The interface is gone."""
     command("ip", "link", "del", interface)
+
+
+def journal() -> str:
+    """Everything since boot, for whoever has to find out what went wrong."""
+    return said("journalctl", "-q", "-o", "short-monotonic")
+
+
+def exposure(checks: Checks, unit: str, limit: float) -> None:
+    """The unit is as closed as it should be by systemd's own figure: 0 is safe, 10 is not."""
+    done = command("systemd-analyze", "security", "--no-pager", f"--threshold={round(limit * 10)}", unit)
+    checks.tell(done.stdout.strip().splitlines()[-1])
+    checks.check(f"exposure of {unit} is at most {limit}", done.returncode == 0, done.stdout)
+
+
+def sound(checks: Checks, unit: str, limit: float) -> None:
+    """The unit is without fault, and closed."""
+    checks.equal(f"verify of {unit} is clean", said("systemd-analyze", "verify", "--man=no", unit), "")
+    exposure(checks, unit, limit)
