@@ -7,7 +7,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: run test check unit mutations wheel format golden schema clean
+.PHONY: run test check unit long mutations wheel format golden schema clean
 
 run: $(VENV)/.desk
 	$(BIN)/dsz demo -o $(OUT)/demo
@@ -21,7 +21,11 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 unit: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 -m "not long"
+
+# A real systemd, the fault table and the fuzzers: minutes each, one after the other, on a machine that is otherwise quiet.
+long: $(VENV)/.dev
+	$(BIN)/python -m pytest -m long
 
 # Each sign, factor and term of the core is broken in turn; a test must notice.
 mutations: $(VENV)/.dev

@@ -136,7 +136,10 @@ class RunSummary:
         missed_ticks: int = 0,
     ) -> dict[str, Any]:
         """The whole summary; `source` says where the frames came from, `published` where they went."""
-        steady = cycles.cycles()
+        all_cycles = cycles.cycles()
+        # Where somebody babbled, the message's own cycle can't be told.
+        babbled = {can_id for can_id, name in self._message_ids() if decoded.messages[name].babbling}
+        steady = [cycle for cycle in all_cycles if cycle.can_id not in babbled]
         last = self._last.counters if self._last else None
         setup = self._setup
         counts: dict[str, Any] = {
@@ -186,13 +189,16 @@ class RunSummary:
             "events": self.events,
             "warnings": [*setup.checked.warnings, *self._findings(decoded), *_lost(steady, bursts=True)],
             "notes": [*setup.checked.notes, *_lost(steady, bursts=False)],
-            "cycles": [asdict(cycle) for cycle in steady],
+            "cycles": [asdict(cycle) for cycle in all_cycles],
             "median_age_s": {role: _median(ages) / 1000.0 for role, ages in self._ages_ms.items()},
             "source": dict(source),
             "published": dict(published),
             "versions": versions(),
             "settings": setup.settings.model_dump(mode="json"),
         }
+
+    def _message_ids(self) -> list[tuple[int, str]]:
+        return [(message.frame_id, name) for name, message in self._setup.checked.resolved.messages.items()]
 
     def _findings(self, decoded: DecodeCounters) -> list[str]:
         words = [*self._plausibility.findings(), *_refused(decoded), *self._gone(decoded)]

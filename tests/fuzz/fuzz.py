@@ -17,7 +17,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from itertools import combinations
 from pathlib import Path
+from statistics import median
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -61,20 +63,17 @@ def chunks(target: Target, scale: float, quick: bool) -> list[tuple[int, int]]:
 
 
 def growth_bytes(results: Sequence[ChunkResult]) -> tuple[float, float]:
-    """(growth over all inputs, bytes an input) of resident memory: the mean of the chunks' straight lines.
+    """(growth over all inputs, bytes an input) of resident memory.
 
-    Of each chunk without its first quarter; what a chunk loads before its first input (another car's DBC)
-    does not count.
+    Theil and Sen's slope (the median over all pairs of samples) of each chunk without its first quarter, and of
+    those the median: a leak shows in most chunks, the one large input that leaves the heap larger in one only.
     """
     slopes = []
     for result in results:
         late = result.rss[len(result.rss) // 4 :]
-        if len(late) < 3:
-            continue
-        mean_x, mean_y = (sum(values) / len(late) for values in zip(*late, strict=True))
-        spread = sum((x - mean_x) ** 2 for x, _ in late)
-        slopes.append(sum((x - mean_x) * (y - mean_y) for x, y in late) / spread)
-    slope = sum(slopes) / len(slopes) if slopes else 0.0
+        pairs = [(y2 - y1) / (x2 - x1) for (x1, y1), (x2, y2) in combinations(late, 2) if x2 > x1]
+        slopes += [median(pairs)] if pairs else []
+    slope = median(slopes) if slopes else 0.0
     return slope * sum(result.inputs for result in results), slope
 
 

@@ -65,12 +65,12 @@ def _learnt() -> bytes:
 
 
 def run(session: Session, count: int) -> None:
-    """Half of them changed as bytes, half as values and given a right checksum."""
+    """Most of them changed as bytes, the others as values and given a right checksum."""
     rng, whole = session.random, _learnt()
     base = json.dumps(state_file.decoded(whole))
     for i in range(count):
         data = whole
-        if rng.random() < 0.5:
+        if rng.random() < 0.7:
             data = mutated(whole, rng, _TOKENS)
         elif i:
             body = json.loads(base)

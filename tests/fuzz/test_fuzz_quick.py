@@ -12,6 +12,8 @@ import fuzz_chunk
 import pytest
 from fuzz_chunk import Session, Target, run_chunk
 
+pytestmark = pytest.mark.long
+
 HERE = Path(__file__).parent
 
 

@@ -96,7 +96,11 @@ CASES = {
     "wheels all bits set": Case(
         faults.all_bits_set([WHEELS], 12.0), 12.0, ("wheel_speed_..: 700 of 1300", gone(12.0, *WHEEL_ROLES))
     ),
-    "wheels frozen in a bend": Case(faults.message_frozen(WHEELS, 14.2), 14.2),
+    "wheels frozen in a bend": Case(
+        faults.message_frozen(WHEELS, 14.2),
+        14.2,
+        ("wheel_speed_..: 538 values not used: all wheels repeated themselves", gone(15.2, *WHEEL_ROLES)),
+    ),
     "wheels 100 ms late": Case(faults.delayed([WHEELS], 0.1), 0.0),
     "steering spiked": Case(faults.spiked("steering_wheel_angle"), 12.0, (f"steering_wheel_angle: {REFUSED}",)),
     "steering spiked within its range": Case(faults.spiked("steering_wheel_angle", 3000), 12.0),

@@ -7,6 +7,8 @@ import soak
 from memory_trend import trend
 from soak import Soaked
 
+pytestmark = pytest.mark.long
+
 MIB = 2**20
 
 

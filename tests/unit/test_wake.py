@@ -59,7 +59,7 @@ def test_signals_and_descriptors_wake_and_are_told() -> None:
 
 def test_the_timer_wakes() -> None:
     with Wake(10 * MS) as wake:
-        wake.timer.aim(5 * MS)
         begin = time.monotonic()
+        wake.timer.aim(5 * MS)
         wake.wait(30.0)
         assert 0.004 < time.monotonic() - begin < 20.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import shutil
 import signal
 import subprocess
@@ -74,13 +75,18 @@ class Unit:
         """Of its main process; 0 for none."""
         return int(self["MainPID"])
 
-    def process(self, key: str) -> str:
-        """A line of the main process's /proc/PID/status."""
-        status_file = Path(f"/proc/{self.pid}/status")
-        for line in status_file.read_text().splitlines() if status_file.exists() else ():
-            if line.startswith(f"{key}:"):
-                return line.partition(":")[2].strip()
-        return "none"
+    def process(self) -> dict[str, str]:
+        """The lines of the main process's /proc/PID/status; none where there is no process."""
+        try:
+            text = Path(f"/proc/{self.pid}/status").read_text()
+        except OSError:
+            return {}
+        return {key: value.strip() for key, _, value in (line.partition(":") for line in text.splitlines())}
+
+    @property
+    def user(self) -> str:
+        """The numeric user of its main process; empty for none."""
+        return self.process().get("Uid", "").partition("\t")[0]
 
     def signal(self, number: signal.Signals) -> None:
         """Sends a signal to the main process alone."""
@@ -102,6 +108,18 @@ def status(socket: str = "/run/dsz/status.sock") -> dict[str, Any]:
         return dict(ask(Path(socket), 5.0))
     except DszError:
         return {}
+
+
+def restored_age_s() -> float:
+    """How old the offsets were that the running daemon took over from its state file; -1 if it took none."""
+    age_s = status().get("state_file", {}).get("restored_age_s")
+    return -1.0 if age_s is None else float(age_s)
+
+
+def yaw_offset() -> dict[str, float]:
+    """Offset and spread of the yaw rate, of the running daemon."""
+    channel = status().get("channels", {}).get("gyro_z", {})
+    return {name: math.nan if channel.get(name) is None else channel[name] for name in ("offset", "offset_std")}
 
 
 def play(interface: str = "vcan0") -> subprocess.Popen[bytes]:

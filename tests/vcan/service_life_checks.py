@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import service_bench as bench
-from guest_checks import Checks, run
-from service_bench import CONFIG, Unit, command, publishes, said, status
+from guest_checks import LONG_S, Checks, run
+from service_bench import CONFIG, Unit, command, publishes, restored_age_s, said, status, yaw_offset
 
 DSZ = Unit("dsz.service")
 
@@ -57,11 +57,12 @@ def ready(checks: Checks) -> None:
 
 def confined(checks: Checks) -> None:
     """What the kernel thinks of the running process."""
-    checks.check("not root", DSZ.process("Uid").split()[0] != "0")
+    process = DSZ.process()
+    checks.check("not root", DSZ.user not in {"", "0"}, DSZ.user)
     for key in ("CapEff", "CapBnd", "CapAmb"):
-        checks.equal(f"no capability ({key})", int(DSZ.process(key), 16), 0)
-    checks.equal("system calls are filtered", DSZ.process("Seccomp"), "2")
-    checks.equal("no new privileges", DSZ.process("NoNewPrivs"), "1")
+        checks.equal(f"no capability ({key})", int(process.get(key, "-1"), 16), 0)
+    checks.equal("system calls are filtered", process.get("Seccomp"), "2")
+    checks.equal("no new privileges", process.get("NoNewPrivs"), "1")
     checks.equal("the status socket is 0660", said("stat", "-c", "%a", "/run/dsz/status.sock"), "660")
 
 
@@ -71,8 +72,8 @@ def crash(checks: Checks) -> None:
     DSZ.signal(signal.SIGKILL)
     checks.until("restarted after SIGKILL", lambda: int(DSZ["NRestarts"]) == restarts + 1 and DSZ.is_active)
     checks.check("with a new process", DSZ.pid not in {0, pid})
-    age_s = status().get("state_file", {}).get("restored_age_s")
-    checks.check("what was saved before the crash is known again", age_s is not None and 0 < age_s < 60, age_s)
+    age_s = restored_age_s()
+    checks.check("what was saved before the crash is known again", 0 < age_s < LONG_S, age_s)
 
 
 def hang(checks: Checks, what: str) -> None:
@@ -87,13 +88,13 @@ def hang(checks: Checks, what: str) -> None:
 
 def reload_good(checks: Checks) -> None:
     checks.until("running again", lambda: DSZ.is_active)
-    pid, before = DSZ.pid, status()["channels"]["gyro_z"]
+    pid, before = DSZ.pid, yaw_offset()
     good = CONFIG.read_text()
     CONFIG.write_text(good.replace("mass_kg: 1673.0", "mass_kg: 1700.0"))
     done = command("systemctl", "reload", "dsz")
     checks.equal("systemctl reload", done.returncode, 0)
     checks.until("a good configuration is taken over", lambda: status().get("reloads") == 1)
-    after = status()["channels"]["gyro_z"]
+    after = yaw_offset()
     # What was learnt goes on: the spread of a fresh start is tens of times this.
     checks.check("with what was learnt", after["offset_std"] < 2.0 * before["offset_std"], (before, after))
     checks.until("READY again", lambda: DSZ["SubState"] == "running")
@@ -109,13 +110,13 @@ def reload_bad(checks: Checks) -> None:
     checks.check("the journal says why", "mass" in refused[0]["MESSAGE"] and "-5" in refused[0]["MESSAGE"], refused)
     checks.until("the old one goes on", lambda: DSZ["SubState"] == "running" and publishes())
     checks.equal("in the same process", DSZ.pid, pid)
-    checks.equal("and is the one in force", status()["reloads"], 1)
+    checks.equal("and is the one in force", status().get("reloads"), 1)
     CONFIG.write_text(good)
 
 
 def stop_and_start(checks: Checks) -> None:
     state = Path("/var/lib/private/dsz/offsets.json")
-    offset = status()["channels"]["gyro_z"]
+    offset = yaw_offset()
     stopped_s = time.time()
     checks.equal("systemctl stop", command("systemctl", "stop", "dsz").returncode, 0)
     checks.equal("it ended well", (DSZ["Result"], DSZ["ExecMainStatus"]), ("success", "0"))
@@ -124,12 +125,11 @@ def stop_and_start(checks: Checks) -> None:
     checks.equal("its runtime directory is gone", Path("/run/dsz").exists(), False)
     command("systemctl", "start", "dsz")
     checks.check("started again", DSZ.is_active)
-    told = status()
-    age_s = told["state_file"]["restored_age_s"]
-    since_s = time.time() - stopped_s
-    checks.check("with the saved offsets, and their age", age_s is not None and 0 < age_s < since_s, age_s)
-    again = told["channels"]["gyro_z"]
-    checks.check("which are the ones it had", abs(again["offset"] - offset["offset"]) < 3 * offset["offset_std"], again)
+    age_s, since_s = restored_age_s(), time.time() - stopped_s
+    checks.check("with the saved offsets, and their age", 0 < age_s < since_s, age_s)
+    again = yaw_offset()
+    moved = abs(again["offset"] - offset["offset"])
+    checks.check("which are the ones it had", moved < 3 * offset["offset_std"], (offset, again))
     checks.check("as sure as before", again["offset_std"] < 3 * offset["offset_std"], (offset, again))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-pytestmark = pytest.mark.vcan
+pytestmark = [pytest.mark.vcan, pytest.mark.long]
 
 
 def test_life_of_the_service(in_guest: Callable[..., list[str]]) -> None:
