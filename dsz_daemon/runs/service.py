@@ -116,6 +116,8 @@ class Service:
         if self._check is not None:
             self._check.kill()
             self._check.wait()
+        if self._keeper is not None:
+            self._keeper.close()
 
     def restored(self, setup: Setup, now_ns: int) -> EstimatorState | None:
         """What the state file knows of this car and sensor; None where there is nothing to go on with."""
