@@ -21,4 +21,4 @@ def test_a_minute_of_honest_driving_withstands_ten_seconds_of_five_degrees() -> 
     assert attacked.total > 5.0 * honest.total
     assert honest.total < 0.05 * DEG
     assert attacked.total < 1.0 * DEG
-    assert "| 5" not in poisoning.table([honest], 60.0, 10.0)
+    assert poisoning.table([attacked], 60.0, 10.0).endswith(f"| {attacked.total / DEG:.3f} |")

@@ -172,7 +172,7 @@ CASES = {
         every_fifth_twice, {RATES: {"repeated": 280}}, None, ("IMU_RATES: 280 of 2880 frames refused",)
     ),
     "some frames lost": Case(
-        # Of 1400: 100, 101; 200, 201, 202; 300; four times round, then 1300 and 1301. (That 1400 is gone shows nowhere.)
+        # Of 1400: 100, 101; 200, 201, 202; 300; four times round, then 1300 and 1301. (A missing 1400 shows nowhere.)
         some_lost, {RATES: {"lost": 4 * 6 + 2}}, None, ("IMU_RATES: 26 frames lost", "can1 310: 26 frames"),
     ),
     "payloads cut to four bytes": Case(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import mmap
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,13 +56,15 @@ def test_what_does_not_add_up_is_told(changes: dict[str, Any], word: str) -> Non
 
 def test_this_process_watched_for_a_moment_and_while_it_leaks(tmp_path: Path) -> None:
     times: Iterator[int] = iter(range(10_000))
-    kept: list[bytes] = []
+    kept: list[mmap.mmap] = []
 
     def answers(_path: Path) -> dict[str, Any]:
         return after(0.1 * next(times))
 
     def leaking(path: Path) -> dict[str, Any]:
-        kept.append(b"x" * 500_000)
+        # Pages of its own: what earlier tests freed would be used again, and not show.
+        kept.append(mmap.mmap(-1, 500_000))
+        kept[-1].write(b"x" * 500_000)
         return answers(path)
 
     assert live_soak.watch(os.getpid(), tmp_path, 0.5, 0.02, answers).faults == []
