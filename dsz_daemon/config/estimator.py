@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from dsz_daemon.core.parameters import Tuning, ZeroingTuning
+from dsz_daemon.core.parameters import DoubtTuning, Tuning, ZeroingTuning
 
 _DEG = math.pi / 180.0
 
@@ -133,6 +133,21 @@ class GateSettings(_Section):
     tau_steering_scale_deg: float = _number(0.3, 0.01, 10, "1/sqrt(7 k_i) of delta_f")
 
 
+class DoubtSettings(_Section):
+    """When a standing car's gyro contradicts what was learnt."""
+
+    sigmas: float = _number(
+        5.0, 2, 1000, "of its own spread: what was learnt while driving may be off by three and a half"
+    )
+    look_s: float = _number(1.0, 0.05, 60, "as long as a rocking body takes to swing back")
+    wait_s: float = _number(
+        60.0, 1, 36000, "longer than a turntable or somebody who gets in; a sensor that really moved is zeroed after it"
+    )
+    memory_s: float = _number(
+        300.0, 1, 1e6, "5 deg/s between two readings are down to 0.1 in the spread after 20 min of the later one"
+    )
+
+
 class ObserverSettings(_Section):
     """(6)-(8)."""
 
@@ -206,6 +221,7 @@ class EstimatorSettings(_Section):
     lateral: ZeroingSettings = _LATERAL
     vertical: ZeroingSettings = _VERTICAL
     gates: GateSettings = GateSettings()
+    doubt: DoubtSettings = DoubtSettings()
     observer: ObserverSettings = ObserverSettings()
     speed: SpeedSettings = SpeedSettings()
     attitude: AttitudeSettings = AttitudeSettings()
@@ -226,6 +242,7 @@ class EstimatorSettings(_Section):
             accel_x=self.longitudinal.law(1.0),
             accel_y=self.lateral.law(1.0),
             accel_z=self.vertical.law(1.0),
+            doubt=DoubtTuning(self.doubt.sigmas, self.doubt.look_s, self.doubt.wait_s, self.doubt.memory_s),
             block_s=self.block_s,
             as_printed=self.as_printed,
             c_y=self.lateral_gain,

@@ -33,6 +33,7 @@ class Reason(IntEnum):
     WHEELS_SLIP = 12
     SETTLING = 13
     IMPLAUSIBLE = 14
+    DOUBTED = 15
 
 
 class ChannelOutput(NamedTuple):

@@ -60,6 +60,19 @@ class ZeroingTuning(NamedTuple):
     look_s: float = 1.0
 
 
+class DoubtTuning(NamedTuple):
+    """When a standing car's gyro contradicts what was learnt, see `doubt`.
+
+    Beyond `sigmas` of its own spread, smoothed over `look_s`, a reading is not learnt from; for less than
+    `wait_s` at a time. What was believed after all counts as contradicted for some `memory_s`.
+    """
+
+    sigmas: float
+    look_s: float
+    wait_s: float
+    memory_s: float
+
+
 class Tuning(NamedTuple):
     """All of the paper's tuning constants, and those that it leaves open."""
 
@@ -70,6 +83,7 @@ class Tuning(NamedTuple):
     accel_x: ZeroingTuning
     accel_y: ZeroingTuning
     accel_z: ZeroingTuning
+    doubt: DoubtTuning
     block_s: float
     as_printed: bool
     c_y: float

@@ -6,7 +6,7 @@ import math
 from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
-from dsz_daemon.core import attitude, bicycle, gates, speed, stiffness, zeroing
+from dsz_daemon.core import attitude, bicycle, doubt, gates, speed, stiffness, zeroing
 from dsz_daemon.core.parameters import Tuning
 from dsz_daemon.core.zeroing import ZeroingState
 
@@ -48,12 +48,12 @@ def resumed(state: EstimatorState, tuning: Tuning, away_s: float) -> EstimatorSt
     """The state after `away_s` without data: what was learnt stays (less sure), motion starts afresh."""
     fresh = initial_state(tuning)
     return fresh._replace(
-        gyro_x=zeroing.held(state.gyro_x, tuning.gyro_x, away_s),
-        gyro_y=zeroing.held(state.gyro_y, tuning.gyro_y, away_s),
-        gyro_z=zeroing.held(state.gyro_z, tuning.gyro_z, away_s),
-        accel_x=zeroing.held(state.accel_x, tuning.accel_x, away_s),
-        accel_y=zeroing.held(state.accel_y, tuning.accel_y, away_s),
-        accel_z=zeroing.held(state.accel_z, tuning.accel_z, away_s),
+        gyro_x=zeroing.held(doubt.unlooked(state.gyro_x), tuning.gyro_x, away_s),
+        gyro_y=zeroing.held(doubt.unlooked(state.gyro_y), tuning.gyro_y, away_s),
+        gyro_z=zeroing.held(doubt.unlooked(state.gyro_z), tuning.gyro_z, away_s),
+        accel_x=zeroing.held(doubt.unlooked(state.accel_x), tuning.accel_x, away_s),
+        accel_y=zeroing.held(doubt.unlooked(state.accel_y), tuning.accel_y, away_s),
+        accel_z=zeroing.held(doubt.unlooked(state.accel_z), tuning.accel_z, away_s),
         stiffness=state.stiffness._replace(smoothed_yaw_radps=math.nan),
     )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from dsz_daemon.core import bicycle, gates, kinematics, speed, stiffness, zeroing
+from dsz_daemon.core import bicycle, doubt, gates, kinematics, speed, stiffness, zeroing
 from dsz_daemon.core.motion import (
     Motion,
     moved,
@@ -89,14 +89,19 @@ def _learned(
     dt_s: float,
     c: float = 1.0,
 ) -> tuple[ZeroingState, Reason]:
-    """One channel's zeroing: open gate, believable target -> learn; else hold."""
-    if math.isnan(reading):
-        return zeroing.held(state, law, dt_s), Reason.STALE
+    """One channel's zeroing: open gate, believable target, not contradicted -> learn; else hold."""
     target = reference - reading
+    if math.isnan(reading):
+        reason = Reason.STALE
+    elif reason is Reason.NONE and not abs(target) <= law.largest_offset:
+        reason = Reason.IMPLAUSIBLE
+    if not standstill or tuning.as_printed or reason is not Reason.NONE:
+        state = doubt.unlooked(state)
+    else:
+        state, believed = doubt.looked(state, target, law, tuning.doubt, dt_s)
+        reason = Reason.NONE if believed else Reason.DOUBTED
     if reason is not Reason.NONE:
         return zeroing.held(state, law, dt_s), reason
-    if not abs(target) <= law.largest_offset:
-        return zeroing.held(state, law, dt_s), Reason.IMPLAUSIBLE
     return zeroing.zeroed(state, target, standstill, law, tuning.as_printed, tuning.block_s, dt_s, c), Reason.NONE
 
 

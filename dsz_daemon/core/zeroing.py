@@ -25,7 +25,8 @@ class ZeroingState(NamedTuple):
     """One channel's memory (its unit: rad/s or m/s^2).
 
     `variance` is P without the floor, `driven_s` the time learnt while driving; the block and
-    noise fields hold the scatter that was seen, see `scattered`.
+    noise fields hold the scatter that was seen, see `scattered`; the last four (a reading's departure
+    from what was learnt, for how long it was too large, and two variances) are kept by `doubt`.
     """
 
     correction: float
@@ -36,6 +37,10 @@ class ZeroingState(NamedTuple):
     block_variance: float = 0.0
     noise_sum: float = 0.0
     noise_blocks: float = 0.0
+    departure: float = 0.0
+    doubted_s: float = 0.0
+    doubt: float = 0.0
+    contradiction: float = 0.0
 
 
 class Step(NamedTuple):
@@ -192,5 +197,5 @@ def driving_density(state: ZeroingState, tuning: ZeroingTuning, dt_s: float = 0.
 
 
 def offset_std(state: ZeroingState, tuning: ZeroingTuning) -> float:
-    """Standard deviation of the offset, with what never averages out."""
-    return math.sqrt(state.variance + tuning.floor_std**2)
+    """Standard deviation of the offset, with what never averages out and what contradicts it."""
+    return math.sqrt(state.variance + state.doubt + state.contradiction + tuning.floor_std**2)

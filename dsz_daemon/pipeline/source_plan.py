@@ -16,7 +16,8 @@ from dsz_daemon.pipeline.mapping import Source
 class SourcePlan(NamedTuple):
     """One role's source with its readers.
 
-    `read` gives the SI value of a payload; `valid` what its valid signal says, where it has one.
+    `source` has the bounds that count; `read` gives the SI value of a payload; `valid` what its valid
+    signal says, where it has one.
     `selectors` are the multiplexers that must have one of their values for the source to be in the
     frame. `selector_bytes` and `needed_bytes` are the shortest payloads that hold the selectors and
     everything.
@@ -96,13 +97,33 @@ def _source_plan(source: Source, message: Message) -> SourcePlan:
     selectors = tuple(dict.fromkeys(selector for name in names for selector in _selectors(by_name[name], by_name)))
     selector_bytes = max((field.end_byte for field, _ in selectors), default=0)
     return SourcePlan(
-        source=source,
+        source=_between_rails(source, fields[source.parts[0].signal]),
         read=_si_reader(source, fields),
         valid=reader(fields[source.valid_signal]) if source.valid_signal is not None else None,
         selectors=tuple((raw_reader(field), values) for field, values in selectors),
         selector_bytes=selector_bytes,
         needed_bytes=max([selector_bytes, *(field.end_byte for field in fields.values())]),
     )
+
+
+def _between_rails(source: Source, field: BitField) -> Source:
+    """An analog source's bounds, drawn in to exclude the ADC's first and last code.
+
+    There the sensor is beyond what the ADC can tell, torn off or shorted: the true value is anything from there on.
+    A converter with fewer bits than its signal has in the frame is not seen through.
+    """
+    if source.volts_per_count is None or len(source.parts) > 1 or field.is_float:
+        return source
+    lowest = -field.sign_bit
+    inner = (lowest + 0.5, lowest + field.mask - 0.5)
+    ends = sorted(
+        source.sign
+        * source.to_si
+        * ((source.parts[0].sign * (raw * field.scale + field.offset)) * source.volts_per_count - source.null_volts)
+        / source.volts_per_unit
+        for raw in inner
+    )
+    return source._replace(low=max(source.low, ends[0]), high=min(source.high, ends[1]))
 
 
 def _si_reader(source: Source, fields: Mapping[str, BitField]) -> Reader:

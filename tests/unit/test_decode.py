@@ -120,6 +120,29 @@ def test_the_sign_turns_the_whole_reading_of_an_adc() -> None:
     )
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("layout", "packing", "first", "last"),
+    [
+        ('ADC : 7|16@0+ (1,0) [0|0] ""', ">H", 0, 0xFFFF),
+        ('ADC : 0|16@1- (-2,5) [0|0] ""', "<h", -0x8000, 0x7FFF),
+    ],
+)
+def test_an_adc_at_the_end_of_its_range_tells_nothing(
+    layout: str, packing: str, first: int, last: int, sign: float
+) -> None:
+    """Clipped, torn off or shorted; the codes next to the ends are readings."""
+    wanted = source("ADC", volts_per_count=7.63e-5, null_volts=2.5, volts_per_unit=0.007, sign=sign)
+    decoder = Decoder([wanted], messages_of(layout))
+    for counts, samples in ((first, 0), (last, 0), (first + 1, 1), (last - 1, 1)):
+        assert len(decoder.decode(frame(struct.pack(packing, counts).ljust(8)))) == samples
+    assert counts_of(decoder) == {"samples": 2, "out_of_range": 2}
+
+
+def test_a_reading_in_si_has_no_rails() -> None:
+    assert value_of('S : 7|16@0+ (1,0) [0|0] ""', b"\xff\xff".ljust(8), source("S")) == 65535.0
+
+
 def test_a_sum_of_signals_like_toyotas_steering_wheel() -> None:
     signals = 'STEER_ANGLE : 3|12@0- (1.5,0) [0|0] ""\nSTEER_FRACTION : 39|4@0- (0.1,0) [0|0] ""'
     wanted = source("STEER_ANGLE", "STEER_FRACTION", role="steering_wheel_angle", to_si=DEG)

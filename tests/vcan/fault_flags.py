@@ -8,6 +8,7 @@ Status = dict[str, Any]
 _BUS_COUNTS = ("lost", "dropped", "error_frames", "bus_offs", "outages", "foreign")
 _ROLE_COUNTS = ("short", "flagged", "not_a_number", "out_of_range")
 _MESSAGE_COUNTS = ("wrong_length", "babbling", "wrong_checksum", "repeated", "wrong_sequence", "lost")
+_DOUBTFUL = ("implausible", "doubted")
 _OLD_S = 0.3
 
 
@@ -24,8 +25,8 @@ def flags(before: Status, now: Status | None) -> set[str]:
     for name, channel in now["channels"].items():
         if channel["state"] == "invalid":
             found.add(f"{name} invalid: {channel['reason']}")
-        elif channel["reason"] != before["channels"][name]["reason"] and channel["reason"] == "implausible":
-            found.add(f"{name} implausible")
+        elif channel["reason"] != before["channels"][name]["reason"] and channel["reason"] in _DOUBTFUL:
+            found.add(f"{name} {channel['reason']}")
     if now["phase"] != before["phase"]:
         found.add(f"phase {now['phase']}")
     for role, value in now["inputs"].items():
