@@ -26,14 +26,23 @@ from dsz_daemon.errors import DszError
 from dsz_daemon.runs.facts import LiveFacts, StateFacts
 from dsz_daemon.runs.memory import recalled, remembered
 from dsz_daemon.runs.setup import Setup, set_up
-from dsz_daemon.runs.status import snapshot_text, status_line
+from dsz_daemon.runs.status import prepared_versions, snapshot_text, status_line
 from dsz_daemon.runs.watchman import Seen, news, seen
 
 _LOOK_S = 0.2
 _STATUS_S = 5.0
 _CHECK_TIMEOUT_S = 120.0
-# In the background: on one CPU the check must not take the loop's time.
-_CHECK = "import os, sys; os.nice(10); from dsz_daemon.cli import main; sys.exit(main(['check', sys.argv[1]]))"
+# In the background, where it may step back: on one CPU the check must not take the loop's time. Under systemd
+# it may not (no system call for priorities); there the unit puts the daemon before its children instead.
+_CHECK = """\
+import os, sys
+try:
+    os.nice(10)
+except OSError:
+    pass
+from dsz_daemon.cli import main
+sys.exit(main(["check", sys.argv[1]]))
+"""
 
 
 class Running(Protocol):
@@ -105,6 +114,7 @@ class Service:
     def __enter__(self) -> Service:
         if self._paths.status is not None:
             self._status = StatusSocket(self._paths.status)
+            prepared_versions()  # looks into the file system: not in the loop
         if self._paths.state is not None:
             self._keeper = StateKeeper(self._paths.state)
         return self
@@ -133,8 +143,7 @@ class Service:
             self.journal.say(Priority.WARNING, "state_file", words, now_ns)
         if recall.estimator is not None:
             self.state_facts.restored_age_s = recall.age_s
-            age = "of unknown age" if recall.age_s is None else f"{recall.age_s:.0f} s old"
-            self.journal.say(Priority.NOTICE, "restored", f"offsets taken over from {self._paths.state}, {age}", now_ns)
+            self.journal.say(Priority.NOTICE, "restored", f"{recall.in_words()}, from {self._paths.state}", now_ns)
         return recall.estimator
 
     def attend(self, running: Running, now_ns: int, healthy: bool, signals: set[signal.Signals]) -> None:

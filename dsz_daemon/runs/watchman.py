@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from dsz_daemon.core.outputs import Reason
 from dsz_daemon.edge.health import BusHealth, Link
 from dsz_daemon.edge.journal import Priority
 from dsz_daemon.runs.facts import LiveFacts
+from dsz_daemon.signals import IMU_CHANNELS
 
 _LINK_WORDS = {
     Link.UP: "is up",
@@ -33,6 +35,7 @@ class Seen(NamedTuple):
     links: dict[str, Link]
     counts: dict[tuple[str, str], int]
     output_refused: bool
+    doubted: tuple[str, ...] = ()
 
 
 def seen(facts: LiveFacts) -> Seen:
@@ -44,7 +47,17 @@ def seen(facts: LiveFacts) -> Seen:
     for name, message in facts.decoder.messages.items():
         for fault in ("wrong_checksum", "repeated", "lost", "babbling"):
             counts[name, fault] = getattr(message, fault, 0)
-    return Seen(facts.phase, {health.name: health.link for health in facts.buses}, counts, facts.output_refused)
+    for role, values in facts.decoder.roles.items():
+        counts[role, "out_of_range"] = values.out_of_range
+    links = {health.name: health.link for health in facts.buses}
+    return Seen(facts.phase, links, counts, facts.output_refused, _doubted(facts))
+
+
+def _doubted(facts: LiveFacts) -> tuple[str, ...]:
+    if facts.row is None:
+        return ()
+    channels = zip(IMU_CHANNELS, facts.row.output.channels, strict=True)
+    return tuple(name for name, channel in channels if channel.reason is Reason.DOUBTED)
 
 
 def news(before: Seen | None, facts: LiveFacts) -> list[News]:
@@ -58,6 +71,12 @@ def news(before: Seen | None, facts: LiveFacts) -> list[News]:
         more = count - known.get((where, what), 0)
         if more > 0 and what in _COUNT_WORDS:
             found.append(News(Priority.WARNING, what, _COUNT_WORDS[what].format(n=more, where=where)))
+    doubted = sorted(set(now.doubted) - set(before.doubted if before is not None else ()))
+    if doubted:
+        message = (
+            f"{', '.join(doubted)}: the car stands, but the reading leapt away from the learnt offset, which is held"
+        )
+        found.append(News(Priority.WARNING, "doubted", message))
     if now.output_refused and not (before is not None and before.output_refused):
         message = "messages whose ids somebody else sends are held back; see output.on_conflict"
         found.append(News(Priority.ERROR, "output_refused", message))
@@ -74,6 +93,7 @@ _COUNT_WORDS = {
     "missed_ticks": "{n} ticks were late and not published",
     "wrong_checksum": "{where}: {n} frames with a wrong checksum were refused",
     "repeated": "{where}: {n} frames repeated an old counter and were refused",
+    "out_of_range": "{where}: {n} values out of range were refused (a sensor that clips, is torn off or shorted?)",
     "babbling": "{where}: {n} frames came faster than input_rate_limit_hz and were refused",
 }
 
