@@ -11,7 +11,8 @@ import yaml
 
 from dsz_daemon.config.check import CheckResult, check_configuration
 from dsz_daemon.config.document import read_document
-from dsz_daemon.config.settings import DiagnoseSettings, LoopSettings, OutputSettings
+from dsz_daemon.config.estimator import DoubtSettings
+from dsz_daemon.config.settings import DiagnoseSettings, LoopSettings, OutputSettings, ServiceSettings
 from dsz_daemon.config.watch import WatchSettings
 from dsz_daemon.shipped import shipped
 
@@ -62,6 +63,8 @@ def test_the_example_is_complete_and_shows_the_defaults():
     assert settings.diagnose == DiagnoseSettings()
     assert settings.watch == WatchSettings()
     assert settings.watch.model_fields_set == set(WatchSettings.model_fields)
+    assert settings.service == ServiceSettings()
+    assert settings.estimator.doubt == DoubtSettings()
     assert {"input_rate_limit_hz", "input_burst_s"} <= settings.loop.model_fields_set
 
 
