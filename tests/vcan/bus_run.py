@@ -1,8 +1,9 @@
 """Inside: plays a recording onto vcan0 into `dsz run` (or its peer), with candump as an independent witness.
 
-    python tests/vcan/bus_run.py LOG CHANNEL[,CHANNEL] CONFIG OUT {dsz|peer} [SECONDS]
+    python tests/vcan/bus_run.py LOG CHANNEL[,CHANNEL] CONFIG OUT {dsz|watched|peer} [SECONDS]
 
 OUT gets bus.log (all of the bus, by candump), summary.json and cost.json: CPU time, frames sent, lateness.
+"watched" is dsz with `dsz monitor` on a terminal, `dsz metrics` asked once a second, and `status` ten times.
 """
 
 from __future__ import annotations
@@ -12,9 +13,15 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
+import urllib.request
 from pathlib import Path
 from typing import Any
+
+from dsz_daemon.edge.status_socket import ask
+from dsz_daemon.errors import DszError
 
 HERE = Path(__file__).parent
 
@@ -42,15 +49,79 @@ def ready(path: Path, process: subprocess.Popen[bytes]) -> None:
         time.sleep(0.05)
 
 
+class Watchers:
+    """All who may look at a running daemon, at once; `seen` counts the answers."""
+
+    METRICS = "127.0.0.1:9273"
+
+    def __init__(self, status: Path, folder: Path) -> None:
+        self.seen = {"status": 0, "metrics": 0}
+        dsz = [sys.executable, "-m", "dsz_daemon"]
+        monitor = " ".join([*dsz, "monitor", "--socket", str(status)])
+        self._screen = folder / "screen.txt"
+        # `script` gives it a terminal.
+        self._others = [
+            subprocess.Popen(["script", "-qfc", monitor, str(self._screen)], stdin=subprocess.DEVNULL,
+                             stdout=subprocess.DEVNULL),
+            subprocess.Popen([*dsz, "metrics", "--socket", str(status), "--listen", self.METRICS]),
+        ]  # fmt: skip
+        self._status, self._stop = status, threading.Event()
+        self._threads = [
+            threading.Thread(target=self._ask, args=(self._status_once, 0.1)),
+            threading.Thread(target=self._ask, args=(self._metrics_once, 1.0)),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def settled(self) -> None:
+        """Waits until all of them have begun: a program's start is no part of being looked at."""
+        end_s = time.monotonic() + 120.0
+        while min(self.seen.values()) < 2 or not self._screen.exists() or self._screen.stat().st_size < 2000:
+            if time.monotonic() > end_s:
+                sys.exit(f"the watchers did not start: {self.seen}")
+            time.sleep(0.2)
+
+    def _ask(self, once: Any, period_s: float) -> None:
+        while not self._stop.wait(period_s):
+            try:
+                once()
+            except (OSError, DszError):
+                continue
+
+    def _status_once(self) -> None:
+        ask(self._status, 2.0)
+        self.seen["status"] += 1
+
+    def _metrics_once(self) -> None:
+        with urllib.request.urlopen(f"http://{self.METRICS}/metrics", timeout=5.0) as page:
+            page.read()
+        self.seen["metrics"] += 1
+
+    def close(self) -> None:
+        """All of them go."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(10.0)
+        for other in self._others:
+            other.terminate()
+            other.wait(10.0)
+
+
 def main(log: str, channel: str, config: str, out: str, who: str, seconds: str = "60") -> None:
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     ready_file = folder / "ready"
     ready_file.unlink(missing_ok=True)
-    program = [str(HERE / ("peer.py" if who == "peer" else "live_on.py")), config, str(folder)]
+    status = Path(tempfile.mkdtemp()) / "status.sock"
+    program = [str(HERE / "peer.py"), config, str(folder)]
+    if who != "peer":
+        program = [str(HERE / "live_on.py"), config, str(folder), str(status)]
     with (folder / "bus.log").open("w") as record, (folder / "said.txt").open("w") as said:
         daemon = subprocess.Popen([sys.executable, *program], stdout=said, stderr=said)
         ready(ready_file, daemon)
+        watchers = Watchers(status, folder) if who == "watched" else None
+        if watchers is not None:
+            watchers.settled()
         witness = subprocess.Popen(["candump", "-L", "-r", "4000000", "vcan0"], stdout=record)
         time.sleep(0.5)
         before: dict[str, Any] = {"cpu_s": cpu_s(daemon.pid), "at_s": time.monotonic()}
@@ -65,11 +136,14 @@ def main(log: str, channel: str, config: str, out: str, who: str, seconds: str =
         took_s = time.monotonic() - before["at_s"]
         used_s = cpu_s(daemon.pid) - before["cpu_s"]
         time.sleep(0.3)
+        if watchers is not None:
+            watchers.close()
         daemon.send_signal(signal.SIGTERM)
         code = daemon.wait(60.0)
         witness.terminate()
         witness.wait(10.0)
     cost = {"seconds": took_s, "cpu_s": used_s, "cpu_share": used_s / took_s, "exit": code, "rss_kib": rss}
+    cost["answers"] = watchers.seen if watchers is not None else {}
     (folder / "cost.json").write_text(json.dumps(cost))
 
 

@@ -1,4 +1,9 @@
-"""Inside: `dsz run` on vcan0 that writes OUT/ready once its sockets are open, and OUT/summary.json at its end."""
+"""Inside: `dsz run` on vcan0 that writes OUT/ready once its sockets are open, and OUT/summary.json at its end.
+
+    python tests/vcan/live_on.py CONFIG OUT STATUS
+
+It answers at the socket STATUS, as the service does.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +13,18 @@ from pathlib import Path
 
 from dsz_daemon.edge.realtime import calm_collector
 from dsz_daemon.runs.live import Live, LiveOptions
+from dsz_daemon.runs.service import Paths, Service
 from dsz_daemon.runs.setup import set_up
 from dsz_daemon.runs.summary import finite
 
 
-def main(config: str, out: str) -> None:
+def main(config: str, out: str, status: str) -> None:
     setup = set_up(Path(config), ["can0=socketcan:vcan0", *_others(config)], live=True)
-    options = LiveOptions(on_ready=Path(out, "ready").touch)
-    live = Live(setup, options)
-    calm_collector()
-    summary = live.run()
+    with Service(Paths(status=Path(status))) as service:
+        live = Live(setup, LiveOptions(on_ready=Path(out, "ready").touch), service)
+        calm_collector()
+        summary = live.run()
+    summary["live"]["lateness_us"]["bins"] = live.facts().lateness.bins()
     Path(out, "summary.json").write_text(json.dumps(finite(summary)))
 
 
