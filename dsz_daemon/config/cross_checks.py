@@ -88,6 +88,8 @@ def _shared_sources(roles: Mapping[str, Mapping[str, Any]]) -> Found:
     """Two roles from one and the same signal: one of them is a slip of copy and paste."""
     taken: list[tuple[str, object, object]] = []
     for role, signal in roles.items():
+        if not isinstance(signal.get("message"), str):
+            continue
         # A switch may look at another's signal for other values (a gear lever's R, its D).
         values = str(signal.get("on_values")) if role in SWITCHES else None
         source = (signal.get("message"), str(signal.get("signal") or signal.get("signals")), values)
@@ -105,6 +107,8 @@ def _shared_sources(roles: Mapping[str, Mapping[str, Any]]) -> Found:
 
 def _one_signal(role: str, signal: Mapping[str, Any]) -> Found:
     loc = ("signals", role)
+    # A key without a value says no more than no key.
+    signal = {key: value for key, value in signal.items() if value is not None}
     if ("signal" in signal) == ("signals" in signal):
         given = "both signal and signals are given" if "signal" in signal else "signal is missing"
         yield loc, f"{given}; expected signal: NAME, or signals: a list to be summed"
@@ -115,7 +119,7 @@ def _one_signal(role: str, signal: Mapping[str, Any]) -> Found:
             ("valid_signal", "valid_values") if "valid_signal" in signal else ("valid_values", "valid_signal")
         )
         yield (*loc, given), f"is given without {needed}; expected both or neither"
-    analog = [key for key in ("volts_per_count", "volts_per_unit") if key in signal]
+    analog: list[str] = [key for key in ("volts_per_count", "volts_per_unit") if key in signal]
     if len(analog) == 1 or ("null_volts" in signal and not analog):
         yield (
             (*loc, *(analog or ["null_volts"])),
@@ -138,10 +142,12 @@ def _output(output: Mapping[str, Any], bus: Mapping[str, Any]) -> Found:
     name, names = output.get("bus"), list(bus) or ["can0"]
     if isinstance(name, str) and name not in names:
         yield ("output", "bus"), f"{name!r} is not a bus; expected {' or '.join(names)}{did_you_mean(name, names)}"
-    base = output.get("base_id")
     # Sixteen ids are set aside for the messages of dbc/dsz.dbc.
-    if isinstance(base, int) and not output.get("extended") and 0x7F0 < base <= 0x1FFFFFFF:
-        yield ("output", "base_id"), f"0x{base:X} is too high for 11-bit ids; expected 0 to 0x7F0, or extended: true"
+    bits, most, remedy = (29, 0x1FFFFFF0, "") if output.get("extended") else (11, 0x7F0, ", or extended: true")
+    for key in ("base_id", "spare_base_id"):
+        base = output.get(key)
+        if isinstance(base, int) and most < base <= 0x1FFFFFFF:
+            yield ("output", key), f"0x{base:X} is too high for {bits}-bit ids; expected 0 to 0x{most:X}{remedy}"
 
 
 def _tolerances(tolerance: Mapping[str, Any]) -> Found:

@@ -25,6 +25,8 @@ _MOST_BYTES = 1_000_000
 # It has a few hundred values. Aliases of aliases of aliases unfold to millions, which every check
 # after this one would have to go through.
 _MOST_VALUES = 100_000
+# No number that anybody means is longer, and Python refuses to write out much longer ones.
+_LONGEST_WHOLE = 1000
 _PREFIX = "tag:yaml.org,2002:"
 
 
@@ -210,7 +212,7 @@ class _Reader:
                 return {"true": True, "false": False}[text.lower()]
             if kind == "null":
                 return None
-            if kind == "int":
+            if kind == "int" and len(text) <= _LONGEST_WHOLE:
                 base = {"0x": 16, "0o": 8}.get(text[:2], 10)
                 return int(text, base)
             if kind == "float":

@@ -25,7 +25,8 @@ _FORMATS = {".kcd": "kcd", ".sym": "sym", ".arxml": "arxml"}
 _IMPORT = re.compile(r'^CM_ "IMPORT (?P<file>[^"]+)";[ \t]*\r?$', re.MULTILINE)
 _MESSAGE_ID = re.compile(r"^(?P<key>BO_|SIG_VALTYPE_|SG_MUL_VAL_) (?P<id>\d+) (?P<name>\w*)")
 _SIGNAL = re.compile(r"^\s+SG_ (?P<name>\w+)")
-_WHOLE_SIGNAL = re.compile(r"^\s+SG_ .+:.+\(.+\)\s*\[.*\]\s*\".*\"\s*\S+")
+# Nothing in it is tried twice: with `.*` a line of a thousand brackets would take hours.
+_WHOLE_SIGNAL = re.compile(r"\s++SG_ [^:]++:[^(]++\([^)]++\)\s*+\[[^]]*+\]\s*+\"[^\"]*+\"\s*+\S")
 _BARE_FRACTION = re.compile(r"(?<=[(,\[|])\.(?=\d)")
 # cantools makes room for every bit and every value of a range, however many the text says there are. The
 # longest messages that a DBC describes are those of J1939's transport protocol, 1785 bytes.
@@ -59,7 +60,7 @@ def load_dbc(name: str, base: Path) -> LoadedDbc:
     last = text.splitlines()[-1]
     # cantools passes over a signal that a cut file ends in.
     if _SIGNAL.match(last) and not _WHOLE_SIGNAL.match(last):
-        raise InputError(f"{name}: is cut short: it ends in {last.strip()!r}")
+        raise InputError(f"{name}: is cut short: it ends in {last.strip()[-80:]!r}")
     beyond = _beyond_measure(text)
     if beyond:
         raise InputError(f"{name}: can't be read: {beyond}")
@@ -257,7 +258,7 @@ def _skeleton(text: str) -> tuple[str, list[str]]:
         if numbered is None:
             kept += [line] if line.startswith("BO_ ") else []
             continue
-        number = int(numbered["id"])
+        number = _number(numbered["id"])
         wrong = _LARGEST_EXTENDED < number < _EXTENDED or numbered["name"][:1].isdigit()
         if numbered["key"] == "BO_":
             skipping = wrong

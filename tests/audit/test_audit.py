@@ -125,6 +125,18 @@ def test_a_known_vulnerability_is_a_fault() -> None:
     assert audit.judged(json.dumps(answer), "") == (["x 1: CVE-1, mended in 2"], "")
 
 
+def test_a_network_that_swallows_what_is_sent_is_said_and_no_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pip_audit").mkdir()
+    (tmp_path / "pip_audit" / "__init__.py").touch()
+    (tmp_path / "pip_audit" / "__main__.py").write_text("import time\ntime.sleep(60)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(audit, "_PATIENCE_S", 0.5)
+    assert audit.vulnerabilities({}) == ([], "pip-audit got no answer within 0.5 s")
+
+
 @pytest.mark.parametrize(
     ("answer", "errors", "words"),
     [

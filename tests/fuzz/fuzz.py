@@ -33,6 +33,8 @@ MODULES = ("frames", "lines", "configs", "dbcs", "states", "recordings", "status
 SEED = 20261121
 # What all inputs of a target together may leave in memory.
 MOST_GROWTH_BYTES = 16 * 2**20
+# What a worker may hold at any time: Python, cantools' largest networks, and one input.
+MOST_PEAK_BYTES = 512 * 2**20
 _MOST_MEMORY_BYTES = 3 * 2**30
 
 
@@ -78,9 +80,10 @@ def growth_bytes(results: Sequence[ChunkResult]) -> tuple[float, float]:
 
 
 def _run(target: Target, wanted: Sequence[tuple[int, int]], arguments: argparse.Namespace) -> Iterator[ChunkResult]:
-    """The chunks' results as they come; a worker that died is a failure of its chunk."""
+    """The chunks' results as they come; a worker that died is a failure of its chunk. No jobs: in this process."""
     failures = str(arguments.out / "failures")
-    if not wanted:
+    if not wanted or not arguments.jobs:
+        yield from (_chunk(target.name, arguments.seed, n, size, failures) for n, size in wanted)
         return
     context = multiprocessing.get_context("spawn")
     jobs = min(arguments.jobs, len(wanted))
@@ -96,24 +99,29 @@ def _run(target: Target, wanted: Sequence[tuple[int, int]], arguments: argparse.
                 yield result
 
 
-def _told(target: Target, results: Sequence[ChunkResult], wall_s: float) -> bool:
-    """Prints what became of a target; False if it failed."""
+def _told(target: Target, results: Sequence[ChunkResult], wall_s: float, quick: bool) -> bool:
+    """Prints what became of a target; False if it failed.
+
+    A quick run's few inputs don't tell what is growth from what is read once and kept.
+    """
     inputs, cpu_s = sum(r.inputs for r in results), sum(r.cpu_s for r in results)
     outcomes: Counter[str] = Counter()
     for result in results:
         outcomes.update(result.outcomes)
     growth, slope = growth_bytes(results)
     failures = [failure for result in results for failure in result.failures]
-    if growth > MOST_GROWTH_BYTES:
+    if growth > MOST_GROWTH_BYTES and not quick:
         failures.append(f"memory grew by {growth / 2**20:.1f} MiB, {slope:.2f} bytes an input")
+    peak = max(r.peak_bytes for r in results)
+    if peak > MOST_PEAK_BYTES:
+        failures.append(f"{peak / 2**20:.0f} MiB of memory at a time")
     rate = f"{cpu_s / max(1, inputs) * 1e6:.1f} us each"
     print(f"{target.name}: {inputs:,} {target.meaning}")
     slowest_s = max(r.slowest_s for r in results)
-    print(f"  {len(results)} chunks, {cpu_s:.0f} s of CPU ({rate}), {wall_s:.0f} s; slowest step {slowest_s:.2f} s")
+    print(f"  {len(results)} chunks, {wall_s:.0f} s; {cpu_s:.0f} s of CPU ({rate}), slowest step {slowest_s:.2f} s")
     print(f"  outcomes: {', '.join(f'{name} {count:,}' for name, count in sorted(outcomes.items()))}")
-    peak = max(r.peak_bytes for r in results) / 2**20
     trend = f"{growth / 2**20:+.1f} MiB in all ({slope:+.2f} bytes an input)"
-    print(f"  memory: {trend}, peak {peak:.0f} MiB")
+    print(f"  memory: {trend}, peak {peak / 2**20:.0f} MiB")
     for failure in failures:
         print(f"  FAILED {failure}")
     print(f"  {'FAILED' if failures else 'passed'}: {len(failures)} failures", flush=True)
@@ -134,7 +142,7 @@ def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--quick", action="store_true", help="some seconds a target")
     parser.add_argument("--scale", type=float, default=1.0, help="times the full amounts")
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2); 0: none but this one")
     parser.add_argument("--chunk", type=int, help="only the chunk of this number")
     parser.add_argument("--input", type=Path, help="only this saved input, with its traceback")
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="results and failures (default out/fuzz)")
@@ -150,6 +158,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         run_one(target_named(names[0]), arguments.input.read_bytes())
         print("passed")
         return 0
+    if not arguments.jobs:
+        _worker_starts()
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "results.jsonl"
     known = _known(path, arguments.seed) if arguments.resume else {}
@@ -166,7 +176,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 file.write(result.line() + "\n")
                 file.flush()
                 results.append(result)
-            good = (bool(results) and _told(target, results, time.monotonic() - began_s)) and good
+            good = (bool(results) and _told(target, results, time.monotonic() - began_s, arguments.quick)) and good
     return 0 if good else 1
 
 

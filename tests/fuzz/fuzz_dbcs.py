@@ -39,7 +39,7 @@ _TOKENS = [
     b"M", b"m0", b"m1M", b"m99999999",
     b"0|0@1+", b"63|64@0-", b"7|65@1-", b"|", b"@1+", b"@0-", b"(1,0)", b"(0,0)", b"(1e400,-1e400)", b"(nan,inf)",
     b"[0|0]", b'""', b"Vector__XXX",
-    b"2147483648", b"4294967295", b"3221225472", b"536870912", b";", b":", b",",
+    b"2147483648", b"4294967295", b"3221225472", b"536870912", b";", b":", b",", b":()[]", b":( ", b"9" * 4400,
 ]  # fmt: skip
 _VEHICLE = {
     "mass_kg": 1673, "yaw_inertia_kgm2": 2850, "cg_to_front_axle_m": 1.149, "cg_to_rear_axle_m": 1.491,
@@ -50,8 +50,9 @@ _VEHICLE = {
 def run(session: Session, count: int) -> None:
     """Files of some 25 lines with a few mutations each; those of `corpus/dbcs` as they are, too."""
     rng = session.random
-    for i in range(count):
-        data = _CORPUS[i] if i < len(_CORPUS) else mutated(rng.choice(_CORPUS), rng, _TOKENS)
+    for _ in range(count):
+        whole = session.inputs < len(_CORPUS)
+        data = _CORPUS[session.inputs] if whole else mutated(rng.choice(_CORPUS), rng, _TOKENS)
         session.begin(data)
         one(session, data)
 
@@ -108,4 +109,4 @@ def _map(session: Session, loaded: LoadedDbc) -> None:
     session.outcomes["mapped"] += 1
 
 
-TARGET = Target("dbcs", "mutated DBC files through load_dbc, mapping and decoder", 10_000, 500, 100, run, one)
+TARGET = Target("dbcs", "mutated DBC files through load_dbc, mapping and decoder", 10_000, 2_500, 100, run, one)

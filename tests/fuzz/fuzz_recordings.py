@@ -55,9 +55,9 @@ def _corpus() -> tuple[tuple[str, bytes], ...]:
     )
     found.append(("drive.log.gz", gzip.compress(text)))
     found.append(("drive.log.zst", zstandard.compress(text)))
-    # A few kB that unfold to a gigabyte without a line end.
-    found.append(("drive.log.gz", gzip.compress(b"\0" * 10**7) * 10))
-    found.append(("drive.log.zst", zstandard.compress(b"A" * 10**8) * 10))
+    # A few kB that unfold to a hundred thousand kB without a line end.
+    found.append(("drive.log.gz", gzip.compress(b"\0" * 10**7) * 5))
+    found.append(("drive.log.zst", zstandard.compress(b"A" * 10**8) * 3))
     return tuple(found)
 
 

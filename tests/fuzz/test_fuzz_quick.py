@@ -10,27 +10,15 @@ from pathlib import Path
 import fuzz
 import fuzz_chunk
 import pytest
-from fuzz_chunk import Session, Target, run_chunk
-
-pytestmark = pytest.mark.long
+from fuzz_chunk import ChunkResult, Session, Target, run_chunk
 
 HERE = Path(__file__).parent
 
 
 @pytest.mark.parametrize("name", fuzz.MODULES)
 def test_fuzzed_a_little(name: str, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        str(HERE / "fuzz.py"),
-        "--quick",
-        "--jobs",
-        "1",
-        "--target",
-        name,
-        "--out",
-        str(tmp_path),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    command = [sys.executable, str(HERE / "fuzz.py"), "--quick", "--jobs", "0", "--target", name]
+    done = subprocess.run([*command, "--out", str(tmp_path)], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -79,21 +67,35 @@ def test_a_planted_leak_is_seen(tmp_path: Path) -> None:
     assert growth < 2**20
 
 
+class _Keeping(Session):
+    """Keeps what it is given."""
+
+    def begin(self, current: bytes = b"", inputs: int = 1) -> None:
+        self.kept = [*getattr(self, "kept", []), current]
+        self.inputs += inputs
+
+
 @pytest.mark.parametrize("name", ["lines", "configs", "dbcs", "states"])
 def test_the_same_seed_gives_the_same_inputs(name: str, tmp_path: Path) -> None:
     target = fuzz.target_named(name)
     seen: list[list[bytes]] = []
     for _ in range(2):
-        inputs: list[bytes] = []
-        session = Session(name, 5, 3, tmp_path)
-        session.begin = lambda current=b"", inputs=1, kept=inputs: kept.append(current)  # type: ignore[method-assign]
-        target.run(session, 20)
-        seen.append(inputs)
+        session = _Keeping(name, 5, 3, tmp_path)
+        target.run(session, 60)
+        seen.append(session.kept)
     assert seen[0] == seen[1]
-    assert len(set(seen[0])) > (0 if name == "lines" else 10)
+    assert len(set(seen[0])) > (0 if name == "lines" else 40)
 
 
 def test_all_chunks_together_are_the_amount() -> None:
     for name in fuzz.MODULES:
         target = fuzz.target_named(name)
         assert sum(size for _, size in fuzz.chunks(target, 1.0, quick=False)) == target.amount
+
+
+def test_a_worker_that_grows_too_large_at_a_time_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    small = ChunkResult("planted", 1, 0, 10, peak_bytes=fuzz.MOST_PEAK_BYTES)
+    large = ChunkResult("planted", 1, 1, 10, peak_bytes=fuzz.MOST_PEAK_BYTES + 2**20)
+    assert fuzz._told(_planted("nothing"), [small], 1.0, quick=True)
+    assert not fuzz._told(_planted("nothing"), [small, large], 1.0, quick=True)
+    assert "513 MiB of memory at a time" in capsys.readouterr().out

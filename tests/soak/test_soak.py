@@ -7,8 +7,6 @@ import soak
 from memory_trend import trend
 from soak import Soaked
 
-pytestmark = pytest.mark.long
-
 MIB = 2**20
 
 

@@ -83,6 +83,49 @@ def test_a_key_of_any_length_makes_a_line_that_one_can_read(tmp_path):
     assert max(map(len, str(error).splitlines())) < 1000
 
 
+@pytest.mark.parametrize("key", ["base_id", "spare_base_id"])
+def test_output_ids_that_are_none_are_found_by_the_check(tmp_path, key):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC)
+    good = VEHICLE + "signals: {dbc: car.dbc, gyro_z: {message: K, signal: R, unit: deg/s}}\n"
+    error = refused(tmp_path, good + f"output: {{{key}: 0x9900}}")
+    assert f"output.{key}: 0x9900 is too high for 11-bit ids; expected 0 to 0x7F0" in str(error)
+    error = refused(tmp_path, good + f"output: {{{key}: 0x1FFFFFFF, extended: true}}")
+    assert f"output.{key}: 0x1FFFFFFF is too high for 29-bit ids; expected 0 to 0x1FFFFFF0" in str(error)
+    (tmp_path / "config.yaml").write_text(good + f"output: {{{key}: 0x9900, extended: true}}")
+    assert decoder(tmp_path / "config.yaml").wanted_ids() == {(36, False)}
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "-" + "9" * 5000, "0o" + "7" * 20_000, "0x" + "f" * 900_000])
+@pytest.mark.parametrize("place", ["mass_kg: 1673", "dbc: imu.dbc", "message: K"])
+def test_a_whole_number_of_thousands_of_digits_is_refused_in_short(tmp_path, number, place):
+    good = VEHICLE + "signals: {dbc: imu.dbc, gyro_z: {message: K, signal: R, unit: deg/s}}"
+    error = refused(tmp_path, good.replace(place, f"{place.partition(':')[0]}: {number}"))
+    assert max(map(len, str(error).splitlines())) < 300
+
+
+@pytest.mark.parametrize("repeated", ["a: &a [xxxxxxxx" + ", xxxxxxxx" * 5000 + "]", f"a: &a {{{'x' * 50_000}: 1}}"])
+def test_a_message_name_that_is_no_name_is_not_quoted(tmp_path, repeated):
+    source = "{message: *a, signal: *a, unit: deg/s}"
+    error = refused(tmp_path, f"{repeated}\n{VEHICLE}signals: {{dbc: x, gyro_x: {source}, gyro_y: {source}}}")
+    assert max(map(len, str(error).splitlines())) < 300
+
+
+@pytest.mark.parametrize(
+    ("source", "fault"),
+    [
+        ("signal: null", "signal is missing; expected signal: NAME"),
+        ("signal: R, valid_signal: null, valid_values: [1]", "valid_values: is given without valid_signal"),
+        ("signal: R, volts_per_count: null, volts_per_unit: 1", "volts_per_unit: is only a part of an ADC's scale"),
+        ("signal: R, volts_per_count: 1, volts_per_unit: null", "volts_per_count: is only a part of an ADC's scale"),
+    ],
+)
+def test_a_key_without_a_value_is_as_good_as_none(tmp_path, source, fault):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC)
+    error = refused(tmp_path, VEHICLE + f"signals: {{dbc: car.dbc, gyro_z: {{message: K, {source}, unit: deg/s}}}}")
+    assert len(error.faults) == 1
+    assert fault in str(error)
+
+
 @pytest.mark.parametrize("text", ["\x1b]0;title\a", "\x1b[2J", "\u202e", "a\nb", "\x9b31m"])
 def test_no_word_of_a_file_reaches_the_terminal_as_an_order(tmp_path, text):
     for error in (
@@ -194,6 +237,33 @@ def test_a_page_of_a_multiplexer_that_is_not_there_is_a_fault_of_its_signal(tmp_
 def test_a_line_of_a_dbc_of_any_length_is_quoted_in_short(tmp_path):
     (tmp_path / "car.dbc").write_text(GOOD_DBC.replace("0|16@1-", "0|16@1- ((" + "x" * 50_000))
     with pytest.raises(InputError) as caught:
+        load_dbc("car.dbc", tmp_path)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("piece", [":()[]", ":()", ":(", '(1)[2]"3"', ':(1)[]""', ' "'])
+def test_a_last_line_of_any_brackets_is_judged_at_once(tmp_path, piece):
+    # A pattern that tried all ways to read them took a minute for four hundred of the first, and days for these.
+    (tmp_path / "car.dbc").write_text(GOOD_DBC + " SG_ A" + piece * 20_000)
+    with pytest.raises(InputError) as caught:
+        load_dbc("car.dbc", tmp_path)
+    assert "cut short" in str(caught.value) or "can't be read" in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("end", [1, 10, 20, 30, 37])
+def test_a_last_signal_that_is_cut_is_noticed(tmp_path, end):
+    last = ' SG_ R : 0|16@1- (0.01,0) [-327|327] "deg/s" X'
+    cut = last[: len(last) - end]
+    (tmp_path / "car.dbc").write_text(GOOD_DBC.replace(last, cut))
+    with pytest.raises(InputError, match="cut short"):
+        load_dbc("car.dbc", tmp_path)
+
+
+@pytest.mark.parametrize("key", ["BO_", "SG_MUL_VAL_", "SIG_VALTYPE_"])
+def test_an_id_of_thousands_of_digits_is_no_id(tmp_path, key):
+    (tmp_path / "car.dbc").write_text(GOOD_DBC + f"{key} {'9' * 5000} K: 8 X\n")
+    with pytest.raises(InputError, match="can't be read") as caught:
         load_dbc("car.dbc", tmp_path)
     assert len(str(caught.value)) < 500
 
