@@ -49,12 +49,17 @@ class Soaked:
     rss: list[tuple[float, int]] = field(default_factory=list)
 
 
-def soak(hours: float, tell: Callable[[Soaked], None] = lambda _: None, lap_s: int = _LAP_S) -> Soaked:
+def soak(
+    hours: float, tell: Callable[[Soaked], None] = lambda _: None, lap_s: int = _LAP_S, rate_hz: int = 100
+) -> Soaked:
     """Runs `hours` of bus time in laps of `lap_s`; `tell` hears of each."""
     drive = simulate("sine_steer", 7)
     with tempfile.TemporaryDirectory() as folder:
         write_scenario(drive, Path(folder))
-        setup = set_up(Path(folder) / "config.yaml")
+        config = Path(folder) / "config.yaml"
+        with config.open("a", encoding="utf-8") as text:
+            text.write(f"loop: {{rate_hz: {rate_hz}}}\n")
+        setup = set_up(config)
     encoder = setup.encoder()
     decoder = setup.decoder(encoder)
     loop = setup.loop(decoder)
@@ -129,6 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the soak; 0 if memory is flat and all counts add up."""
     parser = argparse.ArgumentParser(description="Hours of bus time, as fast as they go.")
     parser.add_argument("--hours", type=float, default=24.0)
+    parser.add_argument("--rate", type=int, default=100, metavar="HZ", help="20 takes a third of the time")
     parser.add_argument("-o", "--output", type=Path, help="also write the result as JSON, after every hour")
     arguments = parser.parse_args(argv)
 
@@ -140,7 +146,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if arguments.output is not None:
                 arguments.output.write_text(json.dumps(asdict(done)), encoding="utf-8")
 
-    done = soak(arguments.hours, tell)
+    done = soak(arguments.hours, tell, rate_hz=arguments.rate)
     good, words = conclusion(done)
     print(words)
     return 0 if good else 1
