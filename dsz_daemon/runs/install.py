@@ -19,7 +19,9 @@ UNITS = Path("/etc/systemd/system")
 CONFIGURATION = Path("/etc/dsz")
 
 # What the kernel allows for an interface, less what would need quoting in a file or unit name.
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]{0,14}")
+_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]{0,14}")
+# It becomes part of a user's name (User=dsz-%i), where systemd allows no more.
+_INSTANCE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,14}")
 _SCHEMA = "$schema=dsz.schema.json"
 
 
@@ -62,18 +64,19 @@ def planned_files(options: InstallOptions) -> list[PlannedFile]:
     if options.realtime:
         units.append(PlannedFile(drop_ins / "realtime.conf", _shipped_text("dsz.service.d/realtime.conf").encode()))
     if options.bind is not None:
-        text = _shipped_text("dsz.service.d/bindsto.conf")
-        text = text.replace("net-devices-can0.device", f"net-devices-{_escaped(options.bind)}.device")
-        units.append(PlannedFile(drop_ins / "bindsto.conf", text.replace("can0", options.bind).encode()))
+        units.append(PlannedFile(drop_ins / "bindsto.conf", _bound_to(options.bind, service_name(options)).encode()))
     if options.metrics:
         units.append(PlannedFile(UNITS / "dsz-metrics.service", _unit("dsz-metrics.service")))
     return units + _configuration(options)
 
 
 def _check_names(options: InstallOptions) -> None:
-    for option, name in (("--instance", options.instance), ("--bind", options.bind)):
-        if name is not None and _NAME.fullmatch(name) is None:
-            raise ConfigError(f"{option} {name}: not an interface's name; expected up to 15 letters, digits or _ . : -")
+    if options.instance is not None and _INSTANCE.fullmatch(options.instance) is None:
+        raise ConfigError(f"--instance {options.instance}: not possible; expected up to 15 letters, digits or _ -")
+    if options.bind is not None and _INTERFACE.fullmatch(options.bind) is None:
+        raise ConfigError(
+            f"--bind {options.bind}: not an interface's name; expected up to 15 letters, digits or _ . : -"
+        )
 
 
 def _unit(name: str) -> bytes:
@@ -83,6 +86,18 @@ def _unit(name: str) -> bytes:
 
 def _shipped_text(name: str) -> str:
     return shipped(f"systemd/{name}").read_text(encoding="utf-8")
+
+
+def _bound_to(interface: str, name: str) -> str:
+    """The drop-in for that interface; its comments too, for whoever finds it there, name the interface and the unit."""
+    text = _shipped_text("dsz.service.d/bindsto.conf")
+    text = text.replace("dsz.service.d", f"{name}.service.d").replace("reenable dsz ", f"reenable {name} ")
+    # In one pass: "can0" is in "vcan0" as well.
+    return re.sub(
+        r"(net-devices-)?\bcan0\b",
+        lambda found: found[1] + _escaped(interface) if found[1] else interface,
+        text,
+    )
 
 
 def exec_start() -> str:
@@ -105,7 +120,7 @@ def quoted(word: str) -> str:
 
 
 def _escaped(name: str) -> str:
-    # As systemd-escape does it, for the characters that `_NAME` lets through.
+    # As systemd-escape does it, for the characters that `_INTERFACE` lets through.
     return name.replace("-", r"\x2d")
 
 

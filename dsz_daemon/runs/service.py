@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,24 +23,13 @@ from dsz_daemon.edge.status_socket import StatusSocket
 from dsz_daemon.errors import DszError
 from dsz_daemon.runs.facts import LiveFacts, StateFacts
 from dsz_daemon.runs.memory import recalled, remembered
-from dsz_daemon.runs.setup import Setup, set_up
+from dsz_daemon.runs.reload import Reload
+from dsz_daemon.runs.setup import Setup
 from dsz_daemon.runs.status import prepared_versions, snapshot_text, status_line
 from dsz_daemon.runs.watchman import Seen, news, seen
 
 _LOOK_S = 0.2
 _STATUS_S = 5.0
-_CHECK_TIMEOUT_S = 120.0
-# In the background, where it may step back: on one CPU the check must not take the loop's time. Under systemd
-# it may not (no system call for priorities); there the unit puts the daemon before its children instead.
-_CHECK = """\
-import os, sys
-try:
-    os.nice(10)
-except OSError:
-    pass
-from dsz_daemon.cli import main
-sys.exit(main(["check", sys.argv[1]]))
-"""
 
 
 class Running(Protocol):
@@ -99,8 +86,8 @@ class Service:
         self._keeper: StateKeeper | None = None
         self.state_facts = StateFacts(path=str(self._paths.state or ""))
         self._reloads = 0
-        self._check: subprocess.Popen[bytes] | None = None
-        self._check_until_s = 0.0
+        self._reload: Reload | None = None
+        self._reload_again = False
         self._ready = False
         self._seen: Seen | None = None
         self._pinged_s = self._looked_s = self._told_s = -1e9
@@ -123,9 +110,8 @@ class Service:
         for part in (self._status, self._notify, self.journal):
             if part is not None:
                 part.close()
-        if self._check is not None:
-            self._check.kill()
-            self._check.wait()
+        if self._reload is not None:
+            self._reload.close()
         if self._keeper is not None:
             self._keeper.close()
 
@@ -156,8 +142,8 @@ class Service:
         if signal.SIGHUP in signals:
             signals.discard(signal.SIGHUP)
             self._begin_reload(running, now_ns)
-        if self._check is not None:
-            self._go_on_reloading(running, now_ns)
+        if self._reload is not None:
+            self._go_on_reloading(running, self._reload, now_ns)
         if self._status is not None:
             self._status.answer(lambda: snapshot_text(running.setup, self.facts(running)))
         if now_s - self._looked_s >= _LOOK_S:
@@ -212,42 +198,39 @@ class Service:
             self.journal.say(Priority.WARNING, "state_file", "offsets not saved: the disk does not keep up", now_ns)
 
     def _begin_reload(self, running: Running, now_ns: int) -> None:
-        if self._check is not None:
+        if self._reload is not None:
+            # What is read now may be older than what is asked for.
+            self._reload_again = True
             return
+        self._reload_again = False
         self.journal.say(Priority.NOTICE, "reloading", f"checking {running.setup.path}", now_ns)
         self._notify.reloading()
-        command = [sys.executable, "-c", _CHECK, str(running.setup.path.absolute())]
         try:
-            self._check = subprocess.Popen(  # noqa: S603 - our own program
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-            )
+            self._reload = Reload(running.setup.path, self._bus_options)
         except OSError as error:
             self._refuse_reload(f"the check did not start: {error.strerror}", now_ns)
-            return
-        self._check_until_s = time.monotonic() + _CHECK_TIMEOUT_S
 
-    def _go_on_reloading(self, running: Running, now_ns: int) -> None:
-        """While the child checks, the old configuration runs; a good new one takes over between two ticks."""
-        check = self._check
-        if check is None:
+    def _go_on_reloading(self, running: Running, reload: Reload, now_ns: int) -> None:
+        """While it is checked and read, the old configuration runs; a good new one takes over between two ticks."""
+        outcome = reload.outcome()
+        if outcome is None:
             return
-        code = check.poll()
-        if code is None and time.monotonic() < self._check_until_s:
-            return
-        self._check = None
-        if code is None:
-            check.kill()
-        _, said = check.communicate()
-        if code != 0:
-            self._refuse_reload(said.decode(errors="replace").strip() or "the check did not end", now_ns)
-            return
+        self._reload = None
+        if isinstance(outcome, str):
+            self._refuse_reload(outcome, now_ns)
+        else:
+            self._take_over(running, outcome, now_ns)
+        if self._reload_again:
+            self._begin_reload(running, now_ns)
+
+    def _take_over(self, running: Running, setup: Setup, now_ns: int) -> None:
         try:
-            running.take_over(set_up(running.setup.path, self._bus_options, live=True))
+            running.take_over(setup)
         except DszError as error:
             self._refuse_reload(str(error), now_ns)
             return
         self._reloads += 1
-        self.journal.say(Priority.NOTICE, "reloaded", f"{running.setup.path} taken over", now_ns)
+        self.journal.say(Priority.NOTICE, "reloaded", f"{setup.path} taken over", now_ns)
         self._end_reload()
 
     def _refuse_reload(self, why: str, now_ns: int) -> None:

@@ -97,9 +97,9 @@ class Unit:
         lines = said("journalctl", "-q", "-o", "json", "-u", self.name, f"DSZ_EVENT={kind}").splitlines()
         return [json.loads(line) for line in lines]
 
-    def journal(self) -> str:
-        """All of it, as text."""
-        return said("journalctl", "-q", "-o", "cat", "-u", self.name)
+    def journal(self, *options: str) -> str:
+        """All of it, as text; with options of journalctl, a part."""
+        return said("journalctl", "-q", "-o", "cat", "-u", self.name, *options)
 
 
 def status(socket: str = "/run/dsz/status.sock") -> dict[str, Any]:
@@ -116,6 +116,11 @@ def restored_age_s() -> float:
     return -1.0 if age_s is None else float(age_s)
 
 
+def missed_ticks() -> int:
+    """How many ticks the running daemon has missed so far."""
+    return int(status().get("missed_ticks", 0))
+
+
 def yaw_offset() -> dict[str, float]:
     """Offset and spread of the yaw rate, of the running daemon."""
     channel = status().get("channels", {}).get("gyro_z", {})
@@ -130,7 +135,7 @@ def play(interface: str = "vcan0") -> subprocess.Popen[bytes]:
 
 def publishes(interface: str = "vcan0") -> bool:
     """Whether compensated frames come."""
-    done = command("candump", "-n", "3", "-T", "2000", f"{interface},{FIRST_OUTPUT_ID}:7FF")
+    done = command("candump", "-n", "3", "-T", "20000", f"{interface},{FIRST_OUTPUT_ID}:7FF")
     return done.stdout.count(f" {FIRST_OUTPUT_ID} ") == 3
 
 

@@ -118,8 +118,10 @@ def interface_by_networkd(checks: Checks) -> None:
     command("ip", "link", "add", "can0", "type", "vcan")
     command("systemctl", "start", "systemd-networkd")
     checks.until("networkd brings up can0", lambda: "LOWER_UP" in said("ip", "-br", "link", "show", "can0"))
-    complaints = [line for line in Unit("systemd-networkd.service").journal().splitlines() if NETWORK.name in line]
-    checks.equal("and complains of nothing in its file", complaints, [])
+    networkd = Unit("systemd-networkd.service")
+    checks.check("by our file", f"can0: Configuring with {NETWORK}" in networkd.journal(), networkd.journal())
+    complaints = [line for line in networkd.journal("-p", "warning").splitlines() if NETWORK.name in line]
+    checks.equal("and complains of nothing in it", complaints, [])
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
 """In the guest: dsz installed as on a vehicle, under /opt, where a service without a home can read it.
 
-The checkout and its environment may lie in somebody's home, which the units don't see. So they are
-mounted at other places; nothing is copied, and nothing is left when the guest ends. Of the environment's
-packages there are those that a vehicle has: without the desk's, which take time and memory.
+The checkout and its environment may lie in somebody's home, which the units don't see. So Python and the
+packages are mounted at another place, and the project is copied as in a wheel; nothing is left when the guest
+ends. Of the environment's packages there are those that a vehicle has: without the desk's, which take time
+and memory. And all is compiled, as pip does it: a checkout need not be, and then each start takes longer.
 """
 
 from __future__ import annotations
 
+import compileall
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -31,18 +34,27 @@ def install_dsz() -> Path:
     if base != Path("/usr"):
         base = _mounted(base, Path("/opt/python"))
     packages = _mounted(Path(sysconfig.get_path("purelib")), Path("/opt/packages"))
-    project = _mounted(PROJECT, Path("/opt/project"))
     site = DSZ.parents[1] / "lib" / version / "site-packages"
     site.mkdir(parents=True)
-    (site / "dsz.pth").write_text(f"{project}\n")
+    _copy_project(site / "dsz_daemon")
     for name in _runtime_names():
         (site / name).symlink_to(packages / name)
+    # Single modules are looked up compiled beside their link.
+    compileall.compile_dir(site, maxlevels=0, quiet=1)
     DSZ.parent.mkdir()
     (DSZ.parent / "python").symlink_to(base / "bin" / version)
     (DSZ.parents[1] / "pyvenv.cfg").write_text(f"home = {base / 'bin'}\ninclude-system-site-packages = false\n")
     DSZ.write_text(_START)
     DSZ.chmod(0o755)
     return DSZ
+
+
+def _copy_project(package: Path) -> None:
+    """As in pyproject.toml: the package, in it the folders that are shipped."""
+    shutil.copytree(PROJECT / "dsz_daemon", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in ("config", "dbc", "systemd"):
+        shutil.copytree(PROJECT / folder, package / "_shipped" / folder)
+    compileall.compile_dir(package, quiet=1)
 
 
 def _mounted(what: Path, where: Path) -> Path:
