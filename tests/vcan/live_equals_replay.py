@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -32,17 +33,22 @@ def is_ours(frame: Frame, messages: Messages) -> bool:
     return bool(e2e.p02.e2e_p02_check(frame.data, bytes([data_id] * 16)))
 
 
-def counter_leaps(frames: list[Frame]) -> int:
-    """How often the alive counter of one id does not go on by one, modulo 16."""
-    counters = [frame.data[1] & 0x0F for frame in frames]
-    return sum((later - earlier) % 16 != 1 for earlier, later in pairwise(counters))
+def _positions(frames: list[Frame]) -> Iterator[int]:
+    """Which of its id's frames each one is: the alive counter also counts those of missed ticks, which are not sent."""
+    position, last = 0, None
+    for frame in frames:
+        counter = frame.data[1] & 0x0F
+        position += 0 if last is None else (counter - last) % 16
+        yield position
+        last = counter
 
 
 class Compared:
     """The record of `candump` in OUT, and a replay of the frames in it that are not ours.
 
-    `frames` and `different`: how many of ours were compared, and how many differ by more than one LSB somewhere;
-    `leaps`: breaks of an alive counter; `missing`: frames of the replay that never came.
+    `frames`: how many of ours were compared; `different`: how many differ by more than one LSB somewhere; `not_sent`:
+    how many the alive counters leapt over; `missing`: how many of the replay's last ones never came.
+    `silences`: (begin, end) in ns where a frame that is due at every tick was not sent.
     """
 
     def __init__(self, out: Path, config: Path, messages: Messages) -> None:
@@ -58,23 +64,34 @@ class Compared:
         )
         replay([out / "input.log"], config, out / "replayed")
         again = list(read_frames([out / "replayed" / "compensated.log"], LogReport()))
-        self.frames = self.different = self.leaps = self.missing = 0
+        self.frames = self.different = self.not_sent = self.missing = 0
         for can_id, message in messages.items():
             live = [frame for frame in ours if frame.can_id == can_id]
             wanted = [frame.data for frame in again if frame.can_id == can_id]
-            self.leaps += counter_leaps(live)
-            # The run goes on for some ticks after the last frame; the witness may have come after the first.
-            self.missing += max(0, len(wanted) - len(live) - 1)
-            for frame, other in zip(live, wanted, strict=False):
-                self.frames += 1
-                self.different += differs(message, frame.data, other)
+            positions = list(_positions(live))
+            # The run goes on for some ticks after the last frame.
+            self.missing += max(0, len(wanted) - positions[-1] - 1)
+            self.not_sent += positions[-1] + 1 - len(positions)
+            for frame, position in zip(live, positions, strict=True):
+                if position < len(wanted):
+                    self.frames += 1
+                    self.different += differs(message, frame.data, wanted[position])
+        first = [frame for frame in ours if frame.can_id == min(messages)]
+        self.silences = [
+            (one.t_ns, other.t_ns)
+            for (one, here), (other, there) in pairwise(zip(first, _positions(first), strict=True))
+            if there - here != 1
+        ]
 
 
 def differs(message: Any, data: bytes, other: bytes) -> bool:
-    """Whether two payloads differ by more than one LSB in any signal, the counter and the CRC left out."""
+    """Whether two payloads differ by more than one LSB in any signal.
+
+    Left out are the counter, the CRC (it follows from the rest) and the number of missed ticks: a replay misses none.
+    """
     values, expected = (message.decode(payload, decode_choices=False) for payload in (data, other))
     return any(
         abs(values[signal.name] - expected[signal.name]) > signal.scale * 1.001
         for signal in message.signals
-        if signal.name not in ("E2E_CRC", "E2E_COUNTER")
+        if signal.name not in ("E2E_CRC", "E2E_COUNTER", "MISSED_TICKS")
     )

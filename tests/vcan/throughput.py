@@ -90,8 +90,9 @@ def played(what: Drive, out: Path, who: str, seconds: float = 60.0) -> dict[str,
         raise SystemExit(NO_WAY)
     if done.returncode != 0:
         raise SystemExit(f"{who}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    cost, summary = (json.loads((out / name).read_text()) for name in ("cost.json", "summary.json"))
-    return {"who": who, **cost, "summary": summary}
+    names = ("cost.json", "summary.json", "hitches.json")
+    cost, summary, hitches = (json.loads((out / name).read_text()) for name in names)
+    return {"who": who, **cost, "summary": summary, "hitches": hitches}
 
 
 def figures(result: dict[str, Any], frames: int) -> dict[str, Any]:
@@ -138,7 +139,23 @@ def histogram(results: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def report(rows: list[dict[str, Any]]) -> str:
+    """All of it, of rows that have their `result` and what they are `of`."""
+    texts = [
+        f"{rows[0]['of'].of}, filled up to {FRAMES_PER_S} frames/s",
+        table(rows),
+        histogram([row["result"] for row in rows]),
+    ]
+    hitches = [len(row["result"]["hitches"]) for row in rows]
+    texts.append(f"hitches of the machine over 4 ms meanwhile (tests/vcan/hitches.py): {', '.join(map(str, hitches))}")
+    by_way = {row["who"]: row for row in rows}
+    if {"dsz", "peer"} <= set(by_way):
+        texts.append(f"CPU, dsz over peer: {by_way['dsz']['cpu'] / by_way['peer']['cpu']:.2f}")
+    return "\n\n".join(texts)
+
+
 def main() -> None:
+    """The command line."""
     parser = argparse.ArgumentParser(description="2222 frames/s in, 100 Hz out: dsz, dsz watched, and a peer.")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -147,15 +164,11 @@ def main() -> None:
     out = (arguments.output or Path(tempfile.mkdtemp(prefix="dsz-throughput."))).resolve()
     out.mkdir(parents=True, exist_ok=True)
     what = drive(out, arguments.seconds)
-    results = [played(what, out / who, who, arguments.seconds) for who in arguments.ways.split(",")]
-    rows = [figures(result, what.frames) for result in results]
-    print(f"{what.frames} frames of {what.of} in {arguments.seconds:g} s\n")
-    print(table(rows))
-    print()
-    print(histogram(results))
-    by_way = {row["who"]: row for row in rows}
-    if {"dsz", "peer"} <= set(by_way):
-        print(f"\nCPU, dsz over peer: {by_way['dsz']['cpu'] / by_way['peer']['cpu']:.2f}")
+    rows = []
+    for who in arguments.ways.split(","):
+        result = played(what, out / who, who, arguments.seconds)
+        rows.append({**figures(result, what.frames), "result": result, "of": what})
+    print(report(rows))
 
 
 if __name__ == "__main__":
