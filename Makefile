@@ -7,25 +7,42 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: run test check unit long mutations wheel format golden schema clean
+.PHONY: run test check unit quiet guests fuzz soak mutations wheel format golden schema clean
 
 run: $(VENV)/.desk
 	$(BIN)/dsz demo -o $(OUT)/demo
 
-test: check unit mutations wheel
+test: check unit quiet guests mutations wheel
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tests/audit/audit.py
 
 unit: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2 -m "not long"
+	$(BIN)/python -m pytest -n 2 -m "not vcan"
 
-# A real systemd, the fault table and the fuzzers: minutes each, one after the other, on a machine that is otherwise quiet.
-long: $(VENV)/.dev
-	$(BIN)/python -m pytest -m long
+# A minute on a kernel's own vcan, beside nothing else: prints how late ticks were, for dsz and for a peer.
+quiet: $(VENV)/.dev
+	$(BIN)/python -m pytest -m quiet -s
+
+# The fault table and a real systemd, one guest after the other on one CPU; on another meanwhile all fuzzers in full.
+guests: $(VENV)/.dev
+	@mkdir -p $(OUT)
+	$(BIN)/python tests/fuzz/fuzz.py --jobs 1 --out $(OUT)/fuzz >$(OUT)/fuzz.txt 2>&1 & fuzz=$$!; \
+	$(BIN)/python -m pytest -m "vcan and not quiet" -s; guests=$$?; \
+	wait $$fuzz; fuzz=$$?; cat $(OUT)/fuzz.txt; \
+	[ $$guests -eq 0 ] && [ $$fuzz -eq 0 ]
+
+# Alone; the same as in `guests`.
+fuzz: $(VENV)/.dev
+	$(BIN)/python tests/fuzz/fuzz.py --out $(OUT)/fuzz
+
+# A day of bus time as fast as it goes (some 30 min); not part of `make test`. The other soak: tests/soak/live_soak.py.
+soak: $(VENV)/.dev
+	$(BIN)/python tests/soak/soak.py --hours 24 --rate 20
 
 # Each sign, factor and term of the core is broken in turn; a test must notice.
 mutations: $(VENV)/.dev

@@ -101,6 +101,21 @@ def _rate_faults(answer: dict[str, Any], before: dict[str, Any]) -> list[str]:
     return [] if abs(rows - due) <= 1.5 else [f"{rows} rows where {due:.1f} were due"]
 
 
+def told(seen: Watched, duration_s: float) -> str:
+    """What was seen, in words."""
+    line, last = seen.memory, seen.last
+    error_kib = 3 * line.error_bytes_per_hour * duration_s / 3600 / 1024
+    words = [
+        f"{duration_s:g} s: RSS {seen.rss[0][1] / 2**20:.2f} -> {seen.rss[-1][1] / 2**20:.2f} MiB; "
+        f"after the first quarter {line.growth_bytes / 1024:+.0f} KiB (+- {error_kib:.0f})",
+        f"{last['rows']} rows, {last['missed_ticks']} ticks missed, {last['timer_overruns']} timer overruns",
+        *(f"FAILED {fault}" for fault in seen.faults),
+    ]
+    if not seen.faults:
+        words.append("memory flat, counters consistent")
+    return "\n".join(words)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Prints what was seen; 0 if memory is flat and the counters add up."""
     parser = argparse.ArgumentParser(description="Watches a running daemon.")
@@ -109,12 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--duration", type=float, default=600.0, metavar="S")
     arguments = parser.parse_args(argv)
     seen = watch(arguments.pid, arguments.status, arguments.duration)
-    line, last = seen.memory, seen.last
-    print(f"RSS {seen.rss[0][1] / 2**20:.2f} -> {seen.rss[-1][1] / 2**20:.2f} MiB, {line.growth_bytes / 1024:+.0f} KiB "
-          f"(+- {3 * line.error_bytes_per_hour * arguments.duration / 3600 / 1024:.0f})")  # fmt: skip
-    print(f"{last['rows']} rows, {last['missed_ticks']} ticks missed, {last['timer_overruns']} timer overruns")
-    for fault in seen.faults:
-        print(f"FAILED {fault}")
+    print(told(seen, arguments.duration))
     return 1 if seen.faults else 0
 
 

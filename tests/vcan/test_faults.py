@@ -17,7 +17,7 @@ NO_WAY = 77
 # The requirement asks for 25; where the clock must not be set and nothing mounted, four are left out.
 AT_LEAST = 25
 
-pytestmark = [pytest.mark.vcan, pytest.mark.long, pytest.mark.xdist_group("guest")]
+pytestmark = [pytest.mark.vcan, pytest.mark.xdist_group("guest")]
 
 
 @pytest.fixture(scope="module")
