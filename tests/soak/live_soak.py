@@ -60,8 +60,10 @@ def watch(
     if len(seen.rss) > 10 and not seen.memory.is_flat(MOST_GROWTH_BYTES):
         seen.faults.append(f"memory grows: {seen.memory}")
     # A state that is being written and a client that is being answered hold one for a moment.
-    if seen.descriptors and min(seen.descriptors[-10:]) > min(seen.descriptors[:10]):
-        seen.faults.append(f"descriptors grow: {seen.descriptors[:10]} .. {seen.descriptors[-10:]}")
+    # (Before the first answer there was no client at all.)
+    early, late = seen.descriptors[1:11], seen.descriptors[-10:]
+    if early and min(late) > min(early):
+        seen.faults.append(f"descriptors grow: {early} .. {late}")
     return seen
 
 
