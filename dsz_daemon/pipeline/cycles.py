@@ -14,13 +14,32 @@ Address = tuple[str, int, bool]
 _LATE_NS = 1_000_000_000
 
 
+def binned(number: int) -> int:
+    """A number rounded to three digits, for histograms that must not grow for as long as a daemon runs.
+
+    >>> [binned(n) for n in (0, 999, 1004, 1006, 123_456)]
+    [0, 999, 1000, 1010, 123000]
+    """
+    if number < 1000:
+        return number
+    step: int = 10 ** (len(str(number)) - 3)
+    return round(number / step) * step
+
+
 @dataclass
 class _Gaps:
     last_ns: int
     before_ns: int | None = None
     frames: int = 1
-    # Gap lengths in 0.1 ms: cycles are milliseconds, jitter is a fraction of one.
+    # Gap lengths in 0.1 ms (cycles are milliseconds, jitter is a fraction of one), longer ones `binned`.
     gaps: Counter[int] = field(default_factory=Counter)
+    longest: int = 0
+
+    def add(self, gap_ns: int) -> None:
+        """One more gap."""
+        length = round(gap_ns * 1e-5)
+        self.gaps[binned(length)] += 1
+        self.longest = max(self.longest, length)
 
 
 @dataclass(frozen=True)
@@ -73,11 +92,11 @@ def _take(gaps: _Gaps, t_ns: int) -> None:
     """One more stamp. A gap counts once a frame behind it shows that nothing came late into it."""
     before_ns, last_ns = gaps.before_ns, gaps.last_ns
     if before_ns is not None and before_ns <= t_ns < last_ns:
-        gaps.gaps[round((t_ns - before_ns) * 1e-5)] += 1
+        gaps.add(t_ns - before_ns)
         gaps.before_ns = t_ns
     elif t_ns >= last_ns:
         if before_ns is not None:
-            gaps.gaps[round((last_ns - before_ns) * 1e-5)] += 1
+            gaps.add(last_ns - before_ns)
         gaps.before_ns, gaps.last_ns = last_ns, t_ns
     elif t_ns < last_ns - _LATE_NS:
         gaps.before_ns, gaps.last_ns = None, t_ns
@@ -97,4 +116,4 @@ def _cycle(address: Address, gaps: _Gaps) -> Cycle | None:
     if median == 0 or near < 0.6 * total:
         return None
     missing = sum(n * (round(length / median) - 1) for length, n in gaps.gaps.items() if length > 1.5 * median)
-    return Cycle(address[0], address[1], gaps.frames, median * 1e-4, missing, max(gaps.gaps) * 1e-4)
+    return Cycle(address[0], address[1], gaps.frames, median * 1e-4, missing, gaps.longest * 1e-4)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dsz_daemon.errors import MachineError
-from dsz_daemon.pipeline.cycles import Cycle, CycleWatch
+from dsz_daemon.pipeline.cycles import Cycle, CycleWatch, binned
 from dsz_daemon.pipeline.decode import DecodeCounters
 from dsz_daemon.pipeline.plausibility import Plausibility
 from dsz_daemon.pipeline.rows import Row
@@ -75,7 +75,7 @@ class RunSummary:
         for name, channel in self._channels.items():
             self._add_channel(name, channel, row)
         for role, age_s in row.ages_s.items():
-            self._ages_ms.setdefault(role, Counter())[round(age_s * 1000.0)] += 1
+            self._ages_ms.setdefault(role, Counter())[binned(round(age_s * 1000.0))] += 1
             if before_s.get(role, 0.0) > max(age_s, self._longest_age_s.get(role, 0.0)):
                 self._longest_age_s[role] = before_s[role]
 
