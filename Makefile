@@ -7,12 +7,12 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: run test check unit quiet guests fuzz soak mutations wheel format golden schema clean
+.PHONY: run test check unit quiet beside guests long fuzz soak mutations wheel format golden schema clean
 
 run: $(VENV)/.desk
 	$(BIN)/dsz demo -o $(OUT)/demo
 
-test: check unit quiet guests mutations wheel
+test: check unit quiet beside wheel
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -22,21 +22,28 @@ check: $(VENV)/.dev
 	$(BIN)/python tests/audit/audit.py
 
 unit: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2 -m "not vcan"
+	$(BIN)/python -m pytest -n 2 -m "not vcan and not long"
 
 # A minute on a kernel's own vcan, beside nothing else: prints how late ticks were, for dsz and for a peer.
 quiet: $(VENV)/.dev
 	$(BIN)/python -m pytest -m quiet -s
 
-# The fault table and a real systemd, one guest after the other on one CPU; on another meanwhile all fuzzers in full.
-guests: $(VENV)/.dev
+# The fuzzers, in full, take one CPU for a quarter of an hour; on the other meanwhile: guests, mutations, what takes long.
+beside: $(VENV)/.dev
 	@mkdir -p $(OUT)
-	$(BIN)/python tests/fuzz/fuzz.py --jobs 1 --out $(OUT)/fuzz >$(OUT)/fuzz.txt 2>&1 & fuzz=$$!; \
-	$(BIN)/python -m pytest -m "vcan and not quiet" -s; guests=$$?; \
+	nice $(BIN)/python tests/fuzz/fuzz.py --jobs 1 --out $(OUT)/fuzz >$(OUT)/fuzz.txt 2>&1 & fuzz=$$!; \
+	$(MAKE) guests mutations long; others=$$?; \
 	wait $$fuzz; fuzz=$$?; cat $(OUT)/fuzz.txt; \
-	[ $$guests -eq 0 ] && [ $$fuzz -eq 0 ]
+	[ $$others -eq 0 ] && [ $$fuzz -eq 0 ]
 
-# Alone; the same as in `guests`.
+# The fault table and a real systemd, one guest after the other.
+guests: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "vcan and not quiet" -s
+
+long: $(VENV)/.dev
+	$(BIN)/python -m pytest -m long
+
+# Alone, on two CPUs; the same as in `beside`.
 fuzz: $(VENV)/.dev
 	$(BIN)/python tests/fuzz/fuzz.py --out $(OUT)/fuzz
 

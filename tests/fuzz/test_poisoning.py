@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 import poisoning
+import pytest
 from poisoning import ATTACKS, CONFIG, measured
 
 from dsz_daemon.runs.setup import set_up
 
 DEG = math.pi / 180.0
+pytestmark = pytest.mark.long
 
 
 def test_a_minute_of_honest_driving_withstands_ten_seconds_of_five_degrees() -> None:

@@ -1,1 +1,0 @@
-collect_ignore = ["test_poisoning.py"]  # minutes long; `python tests/fuzz/poisoning.py` prints it
