@@ -146,9 +146,6 @@ class DoubtSettings(_Section):
     memory_s: float = _number(
         300.0, 1, 1e6, "5 deg/s between two readings are down to 0.1 in the spread after 20 min of the later one"
     )
-    driven_goals: float = _number(
-        10.0, 0, 1e6, "times goal_std, 1 deg/s: how far off bends, bank or a helix may have led what driving taught"
-    )
 
 
 class ObserverSettings(_Section):
@@ -245,7 +242,7 @@ class EstimatorSettings(_Section):
             accel_x=self.longitudinal.law(1.0),
             accel_y=self.lateral.law(1.0),
             accel_z=self.vertical.law(1.0),
-            doubt=DoubtTuning(**self.doubt.model_dump()),
+            doubt=DoubtTuning(self.doubt.sigmas, self.doubt.look_s, self.doubt.wait_s, self.doubt.memory_s),
             block_s=self.block_s,
             as_printed=self.as_printed,
             c_y=self.lateral_gain,

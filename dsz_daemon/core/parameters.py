@@ -64,15 +64,13 @@ class DoubtTuning(NamedTuple):
     """When a standing car's gyro contradicts what was learnt, see `doubt`.
 
     Beyond `sigmas` of its own spread, smoothed over `look_s`, a reading is not learnt from; for less than
-    `wait_s` at a time. What was believed after all counts as contradicted for some `memory_s`. At a stop's
-    beginning up to `driven_goals` times the goal is believed at once.
+    `wait_s` at a time. What was believed after all counts as contradicted for some `memory_s`.
     """
 
     sigmas: float
     look_s: float
     wait_s: float
     memory_s: float
-    driven_goals: float
 
 
 class Tuning(NamedTuple):

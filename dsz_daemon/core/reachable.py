@@ -37,7 +37,6 @@ def unreachable_zeroing(state: ZeroingState, law: ZeroingTuning, c: float, block
         "block_variance": (state.block_variance, math.inf),
         "noise_sum": (state.noise_sum, scatter),
         "noise_blocks": (state.noise_blocks, _NOISE_MEMORY_BLOCKS * (1.0 + _ROUNDING)),
-        "stood_s": (state.stood_s, math.inf),
         "doubted_s": (state.doubted_s, math.inf),
         "doubt": (state.doubt, (2.0 * largest) ** 2 * (1.0 + _ROUNDING)),
         "contradiction": (state.contradiction, (2.0 * largest) ** 2 * (1.0 + _ROUNDING)),

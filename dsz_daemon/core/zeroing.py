@@ -25,9 +25,8 @@ class ZeroingState(NamedTuple):
     """One channel's memory (its unit: rad/s or m/s^2).
 
     `variance` is P without the floor, `driven_s` the time learnt while driving; the block and
-    noise fields hold the scatter that was seen, see `scattered`; the last five (a reading's departure
-    from what was learnt, how long it was looked at and how long it was too large, and two variances) are
-    kept by `doubt`.
+    noise fields hold the scatter that was seen, see `scattered`; the last four (a reading's departure
+    from what was learnt, for how long it was too large, and two variances) are kept by `doubt`.
     """
 
     correction: float
@@ -39,7 +38,6 @@ class ZeroingState(NamedTuple):
     noise_sum: float = 0.0
     noise_blocks: float = 0.0
     departure: float = 0.0
-    stood_s: float = 0.0
     doubted_s: float = 0.0
     doubt: float = 0.0
     contradiction: float = 0.0

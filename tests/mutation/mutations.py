@@ -105,8 +105,6 @@ MUTATIONS = (
     Mutation("doubt.py", "D17 innovation", "innovation = target - state.correction", "innovation = target + state.correction"),
     Mutation("doubt.py", "D17 scatter", "/ (2.0 * tuning.look_s)", "* (2.0 * tuning.look_s) * 100.0"),
     Mutation("doubt.py", "D17 sigmas", "tuning.sigmas**2 *", "tuning.sigmas *"),
-    Mutation("doubt.py", "D17 driven", "(tuning.driven_goals * law.goal_std) ** 2", "tuning.driven_goals * law.goal_std"),
-    Mutation("doubt.py", "D17 stop", "if begins and gap", "if gap"),
     Mutation("doubt.py", "D17 wait", "doubted < tuning.wait_s", "doubted < 2.0 * tuning.wait_s"),
     Mutation("doubt.py", "D17 hold", "doubt=gap), False)", "doubt=gap), True)"),
     Mutation("doubt.py", "D17 spread", "doubted_s=doubted, doubt=gap)", "doubted_s=doubted, doubt=0.0)"),

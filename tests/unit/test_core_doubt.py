@@ -16,8 +16,8 @@ from dsz_daemon.core.zeroing import ZeroingState
 
 DEG = math.pi / 180.0
 # P = 0.06 and S/(2 look) = 0.1 / (2 * 1.25) = 0.04: sigma sqrt(0.1), and three of them are sqrt(0.9).
-TUNING = DoubtTuning(sigmas=3.0, look_s=1.25, wait_s=8.0, memory_s=50.0, driven_goals=4.0)
-KNOWN = ZeroingState(2.0, 0.06, stood_s=6.25)
+TUNING = DoubtTuning(sigmas=3.0, look_s=1.25, wait_s=8.0, memory_s=50.0)
+KNOWN = ZeroingState(2.0, 0.06)
 LIMIT = math.sqrt(0.9)
 
 
@@ -43,19 +43,6 @@ def test_the_limit_is_so_many_spreads_of_the_look(sign: float) -> None:
     assert not looks(beyond, 2.0 + sign * LIMIT * 1.001, 0.1, law()).believed
     # Less sure of the offset, more is believed: P = 0.16 has sqrt(1.8).
     assert looks(beyond._replace(variance=0.16), 2.0 + sign * 1.3, 0.1, law()).believed
-
-
-def test_in_a_stops_first_looks_driving_may_have_misled() -> None:
-    """Up to four goals of 0.5, and for 5 looks, 6.25 s, of a stop: P grows by d^2, and nothing is contradicted."""
-    goal = law(goal_std=0.5)
-    for d, stood_s, believed in ((1.99, 0.0, True), (2.01, 0.0, False), (1.99, 6.2, True), (1.99, 6.25, False)):
-        just = KNOWN._replace(departure=d, stood_s=stood_s)
-        look = looks(just, 2.0 + d, 0.1, goal)
-        assert look.believed is believed
-        assert look.state.stood_s == pytest.approx(stood_s + 0.1)
-        assert look.state.variance == pytest.approx(0.06 + (d * d if believed else 0.0))
-        assert look.state.contradiction == 0.0
-    assert doubt.unlooked(KNOWN).stood_s == 0.0
 
 
 def test_a_doubted_reading_widens_the_published_spread_to_cover_it() -> None:
@@ -97,7 +84,7 @@ def test_the_variance_grows_to_the_largest_offset_at_most() -> None:
 
 def test_nothing_to_look_at_is_no_doubt() -> None:
     state = looks(KNOWN._replace(departure=3.0), 5.0, 1.0, law()).state
-    assert doubt.unlooked(state._replace(contradiction=1.0)) == KNOWN._replace(contradiction=1.0, stood_s=0.0)
+    assert doubt.unlooked(state._replace(contradiction=1.0)) == KNOWN._replace(contradiction=1.0)
 
 
 # --- in the estimator ---------------------------------------------------------------------------
@@ -136,15 +123,6 @@ def test_an_offset_that_really_moved_is_zeroed_after_the_wait() -> None:
     last = moved[-1].gyro_x
     assert last.offset == pytest.approx(-3.0 * DEG, abs=0.1 * DEG)
     assert last.offset_std > 3.0 * DEG  # for nothing tells which was false
-
-
-def test_what_driving_taught_wrongly_is_mended_at_once_when_the_car_stops() -> None:
-    """0.8 deg/s off and sure of 0.03 (a long bend inside the gate): doubted by its own spread, but not at a stop."""
-    state, _ = drive(straight(0.2), 1.0)
-    state = state._replace(gyro_z=state.gyro_z._replace(correction=0.8 * DEG, variance=(0.03 * DEG) ** 2))
-    _, outputs = stood(10.0, 0.0, state)
-    assert abs(outputs[-1].gyro_z.offset) < 0.05 * DEG
-    assert Reason.DOUBTED not in {output.gyro_z.reason for output in outputs}
 
 
 def test_honest_noise_raises_no_doubt() -> None:
