@@ -13,6 +13,7 @@ import json
 import sys
 import tempfile
 import time
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -47,6 +48,7 @@ class Soaked:
     sent: int = 0
     faults: list[str] = field(default_factory=list)
     rss: list[tuple[float, int]] = field(default_factory=list)
+    last_rss_bytes: int = 0
 
 
 def soak(
@@ -72,6 +74,8 @@ def soak(
     ctypes.CDLL(None).malloc_trim(0)
     done, began_s, lap_ns = Soaked(), time.monotonic(), lap_s * 10**9
     laps = max(1, round(hours * 3600 / lap_s))
+    # Room for all samples is taken, and touched, before the first: what is measured must not grow by being measured.
+    sizes = array("q", [1] * laps)
     for number in range(laps):
         for frame in lap:
             rows = loop.frame(frame._replace(t_ns=frame.t_ns + number * lap_ns))
@@ -81,8 +85,9 @@ def soak(
         done.frames += len(lap)
         gc.collect()
         done.hours, done.took_s = (number + 1) * lap_s / 3600, time.monotonic() - began_s
-        done.rss.append((done.hours, rss_bytes()))
+        sizes[number] = done.last_rss_bytes = rss_bytes()
         tell(done)
+    done.rss = [((number + 1) * lap_s / 3600, size) for number, size in enumerate(sizes)]
     done.rows += len(loop.finish())
     done.faults = _inconsistencies(done, decoder.counters, loop, (lap[0], lap[-1]), (laps - 1) * lap_ns)
     return done
@@ -141,12 +146,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     def tell(done: Soaked) -> None:
         if round(done.hours * 60) % 60 == 0:
             print(
-                f"{done.hours:.0f} h in {done.took_s / 60:.1f} min, RSS {done.rss[-1][1] / 2**20:.2f} MiB", flush=True
+                f"{done.hours:.0f} h in {done.took_s / 60:.1f} min, RSS {done.last_rss_bytes / 2**20:.2f} MiB",
+                flush=True,
             )
             if arguments.output is not None:
                 arguments.output.write_text(json.dumps(asdict(done)), encoding="utf-8")
 
     done = soak(arguments.hours, tell, rate_hz=arguments.rate)
+    if arguments.output is not None:
+        arguments.output.write_text(json.dumps(asdict(done)), encoding="utf-8")
     good, words = conclusion(done)
     print(words)
     return 0 if good else 1

@@ -35,6 +35,8 @@ def in_guest() -> Callable[..., list[str]]:
         code, out, err = _run([*command, *map(str, arguments)], time_limit_s + _BEFORE_S)
         if code == NO_WAY:
             pytest.skip(err.strip())
+        # Figures, for whoever looks (pytest -s).
+        print("\n".join([f"\n{script}:", *(line for line in out.splitlines() if line.startswith("   "))]))
         passed = [line.removeprefix("ok ").strip() for line in out.splitlines() if line.startswith("ok ")]
         wrong = [line for line in out.splitlines() if line.startswith("FAIL ")]
         told = f"{script} in the guest: exit code {code}\n{out}\n{err}"
