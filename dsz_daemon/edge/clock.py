@@ -59,6 +59,10 @@ class WallClock:
         """Real seconds until t_ns, 0 if it has passed."""
         return max(0, t_ns - self.now_ns()) * 1e-9
 
+    def boot_ns(self, t_ns: int) -> int:
+        """The same moment on CLOCK_BOOTTIME, for the kernel's timers."""
+        return t_ns - self._ahead_ns - self.correction_ns
+
     def look(self) -> int:
         """The step since the last look in ns, forward positive; 0 if none."""
         ahead_ns = _ahead_ns()

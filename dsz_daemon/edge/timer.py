@@ -1,6 +1,7 @@
 """A kernel timer for the ticks: it keeps its phase whatever the loop does, and counts what the loop missed.
 
-timerfd on CLOCK_MONOTONIC. Python has it from 3.13 on; before, the C library is called.
+timerfd on CLOCK_BOOTTIME, always with absolute times: "in 6 ms" would come late by as long as its thread is held up
+between reading a clock and setting the timer. Python has it from 3.13 on; before, the C library is called.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dsz_daemon.errors import MachineError
 
 _TFD_TIMER_ABSTIME = 1
 _FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
-# Re-armed only when the grid has moved by more than reading two clocks can err.
+# Re-armed only when the grid has moved by more than two clocks slew against each other in a while.
 _PHASE_NS = 100_000
 
 
@@ -29,9 +30,9 @@ class _Itimerspec(ctypes.Structure):
 
 def _created() -> int:
     if sys.version_info >= (3, 13):
-        return os.timerfd_create(time.CLOCK_MONOTONIC, flags=_FLAGS)
+        return os.timerfd_create(time.CLOCK_BOOTTIME, flags=_FLAGS)
     libc = ctypes.CDLL(None, use_errno=True)
-    descriptor = int(libc.timerfd_create(time.CLOCK_MONOTONIC, _FLAGS))
+    descriptor = int(libc.timerfd_create(time.CLOCK_BOOTTIME, _FLAGS))
     if descriptor < 0:
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
     return descriptor
@@ -63,9 +64,8 @@ class TickTimer:
         """What epoll waits on."""
         return self._descriptor
 
-    def aim(self, due_in_ns: int) -> None:
-        """The next tick is due in so many ns; re-arms only where the grid has moved."""
-        due_ns = time.monotonic_ns() + due_in_ns
+    def aim(self, due_ns: int) -> None:
+        """The next tick is due at `due_ns` of CLOCK_BOOTTIME; re-arms only where the grid has moved."""
         phase_ns = due_ns % self.period_ns
         if self._phase_ns is not None:
             off_ns = (phase_ns - self._phase_ns + self.period_ns // 2) % self.period_ns - self.period_ns // 2

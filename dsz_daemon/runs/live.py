@@ -160,7 +160,7 @@ class Live:
                 self._wake.timer.rest()
             else:
                 # The kernel's timer is exact; epoll's own timeout counts whole milliseconds.
-                self._wake.timer.aim(due_ns + self._chain.guard_ns - self._clock.now_ns())
+                self._wake.timer.aim(self._clock.boot_ns(due_ns + self._chain.guard_ns))
                 wait_s = _IDLE_S if wait_s > 0.0 else 0.0
         self._wake.wait(wait_s)
 

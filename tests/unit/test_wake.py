@@ -7,20 +7,25 @@ import signal
 import socket
 import time
 
+from dsz_daemon.edge.clock import WallClock
 from dsz_daemon.edge.timer import TickTimer
 from dsz_daemon.edge.wake import Wake
 
 MS = 1_000_000
 
 
+def boot_ns() -> int:
+    return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+
+
 def test_the_timer_keeps_its_grid_and_counts_what_nobody_came_for() -> None:
     timer = TickTimer(10 * MS)
-    begin_ns = time.monotonic_ns()
-    timer.aim(10 * MS)
+    begin_ns = boot_ns()
+    timer.aim(begin_ns + 10 * MS)
     time.sleep(0.2)
-    timer.aim(10 * MS - (time.monotonic_ns() - begin_ns) % (10 * MS))  # the same grid: nothing is re-armed
+    timer.aim(begin_ns + 1000 * MS)  # the same grid: nothing is re-armed
     count = timer.expired()
-    passed = (time.monotonic_ns() - begin_ns) // (10 * MS)
+    passed = (boot_ns() - begin_ns) // (10 * MS)
     assert 19 <= count <= passed
     assert timer.overruns == count - 1
     assert timer.expired() in {0, 1}
@@ -30,6 +35,26 @@ def test_the_timer_keeps_its_grid_and_counts_what_nobody_came_for() -> None:
     assert timer.expired() == 0
     timer.close()
     timer.close()
+
+
+def test_who_is_held_up_before_setting_the_timer_is_not_late_twice() -> None:
+    """A tick that came due meanwhile is due, not so much later."""
+    timer = TickTimer(3600_000 * MS)
+    due_ns = boot_ns() + 5 * MS
+    time.sleep(0.01)
+    timer.aim(due_ns)
+    assert timer.expired() == 1
+    timer.close()
+
+
+def test_bus_time_on_the_kernels_clock() -> None:
+    """Now in bus time is now on the boot clock, whatever was set or corrected in between."""
+    clock = WallClock()
+    for correction_ns in (0, -3600 * 10**9):
+        clock.correction_ns = correction_ns
+        before_ns = boot_ns()
+        now_ns = clock.boot_ns(clock.now_ns())
+        assert before_ns <= now_ns <= boot_ns()
 
 
 def test_signals_and_descriptors_wake_and_are_told() -> None:
@@ -60,6 +85,6 @@ def test_signals_and_descriptors_wake_and_are_told() -> None:
 def test_the_timer_wakes() -> None:
     with Wake(10 * MS) as wake:
         begin = time.monotonic()
-        wake.timer.aim(5 * MS)
+        wake.timer.aim(boot_ns() + 5 * MS)
         wake.wait(30.0)
         assert 0.004 < time.monotonic() - begin < 20.0
