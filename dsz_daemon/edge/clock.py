@@ -31,8 +31,8 @@ class Clock(Protocol):
         """Whether somebody set the clock since the last look: by how many ns, 0 if not."""
         ...
 
-    def bus_time_ns(self, stamp_ns: int) -> int:
-        """Bus time of a frame's stamp."""
+    def bus_time_ns(self, stamp_ns: int, now_ns: int, /) -> int:
+        """Bus time of a frame's stamp; `now_ns`: asked after the frame was taken."""
         ...
 
 
@@ -77,9 +77,9 @@ class WallClock:
         self.steps += 1
         return step_ns
 
-    def bus_time_ns(self, stamp_ns: int) -> int:
+    def bus_time_ns(self, stamp_ns: int, now_ns: int, /) -> int:
         """The stamp in bus time; soon after a step it may still be one of the clock before."""
-        t_ns, now_ns = stamp_ns + self.correction_ns, self.now_ns()
+        t_ns = stamp_ns + self.correction_ns
         is_mixed = self._stepped_ns is not None and now_ns - self._stepped_ns < _MIXED_NS
         if not is_mixed and -_STEP_NS < now_ns - t_ns < _NEAR_NS:
             return t_ns
@@ -120,7 +120,7 @@ class ScaledClock:
         """Nobody sets this clock."""
         return 0
 
-    def bus_time_ns(self, stamp_ns: int) -> int:
+    def bus_time_ns(self, stamp_ns: int, _now_ns: int, /) -> int:
         """The stamp itself."""
         return stamp_ns
 
@@ -147,6 +147,6 @@ class PlayedClock:
         """Nobody sets this clock."""
         return 0
 
-    def bus_time_ns(self, stamp_ns: int) -> int:
+    def bus_time_ns(self, stamp_ns: int, _now_ns: int, /) -> int:
         """The stamp itself."""
         return stamp_ns

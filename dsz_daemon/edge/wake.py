@@ -20,13 +20,14 @@ class Wake:
     def __init__(self, period_ns: int) -> None:
         self.timer = TickTimer(period_ns)
         self.asked: set[signal.Signals] = set()
-        self._epoll = select.epoll()
+        self._epoll, self._calm = select.epoll(), select.epoll()
         self._pipe = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._watched: set[int] = set()
         self._old_handlers: dict[signal.Signals, Any] = {}
         self._old_wakeup = -1
         for descriptor in (self.timer.fileno(), self._pipe[0]):
             self._epoll.register(descriptor, select.EPOLLIN)
+            self._calm.register(descriptor, select.EPOLLIN)
 
     def __enter__(self) -> Wake:
         def asked(number: int, _frame: FrameType | None) -> None:
@@ -46,6 +47,7 @@ class Wake:
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
         self._epoll.close()
+        self._calm.close()
         self.timer.close()
         for end in self._pipe:
             os.close(end)
@@ -65,14 +67,24 @@ class Wake:
                 continue
         self._watched = wanted
 
-    def wait(self, at_most_s: float) -> set[int]:
-        """Waits until something happens, at most so long; returns the watched descriptors that are ready."""
-        ready = {descriptor for descriptor, _ in self._epoll.poll(at_most_s)}
+    def wait(self, at_most_s: float, gather_s: float = 0.0) -> set[int]:
+        """Waits until something happens, at most so long; returns the watched descriptors that are ready.
+
+        Where that is only they, what follows them within `gather_s` is let come too, unless the timer or a signal
+        wakes: one waking for many frames.
+        """
+        ready = self._heard(self._epoll, at_most_s)
+        if gather_s > 0.0 and ready and ready <= self._watched:
+            self._heard(self._calm, gather_s)
+        return ready & self._watched
+
+    def _heard(self, epoll: select.epoll, at_most_s: float) -> set[int]:
+        ready = {descriptor for descriptor, _ in epoll.poll(at_most_s)}
         if self._pipe[0] in ready:
             self._emptied()
         if self.timer.fileno() in ready:
             self.timer.expired()
-        return ready & self._watched
+        return ready
 
     def _emptied(self) -> None:
         try:

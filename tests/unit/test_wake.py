@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 import time
 
 from dsz_daemon.edge.clock import WallClock
@@ -88,3 +89,29 @@ def test_the_timer_wakes() -> None:
         wake.timer.aim(boot_ns() + 5 * MS)
         wake.wait(30.0)
         assert 0.004 < time.monotonic() - begin < 20.0
+
+
+def test_what_follows_a_frame_is_gathered_but_not_past_the_timer_or_a_signal() -> None:
+    near, far = socket.socketpair()
+    near.setblocking(False)
+    with Wake(10 * MS) as wake, near, far:
+        wake.watch([near.fileno()])
+        far.send(b"1")
+        sender = threading.Timer(0.02, far.send, (b"2",))
+        sender.start()
+        assert wake.wait(5.0, gather_s=0.2) == {near.fileno()}
+        sender.join()
+        assert near.recv(8) == b"12"
+        # Nothing to gather where nothing came.
+        before_ns = boot_ns()
+        assert wake.wait(0.0, gather_s=60.0) == set()
+        far.send(b"3")
+        wake.timer.aim(boot_ns() + 5 * MS)
+        assert wake.wait(5.0, gather_s=60.0) == {near.fileno()}
+        far.send(b"4")
+        wake.timer.rest()
+        threading.Timer(0.02, signal.raise_signal, (signal.SIGHUP,)).start()
+        wake.wait(5.0, gather_s=60.0)
+        assert wake.asked == {signal.SIGHUP}
+        # Any of the three, not heeded, would have taken a minute.
+        assert boot_ns() - before_ns < 60_000 * MS

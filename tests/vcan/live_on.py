@@ -1,5 +1,7 @@
 """Inside: `dsz run` on vcan0 that writes OUT/ready once its sockets are open, and OUT/summary.json at its end.
 
+The summary's live.missed_rows are [due, published or dropped] in ns, of rows that came a whole period late or more.
+
     python tests/vcan/live_on.py CONFIG OUT STATUS
 
 It answers at the socket STATUS, as the service does.
@@ -9,9 +11,11 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from pathlib import Path
 
 from dsz_daemon.edge.realtime import calm_collector
+from dsz_daemon.pipeline.rows import Row
 from dsz_daemon.runs.live import Live, LiveOptions
 from dsz_daemon.runs.service import Paths, Service
 from dsz_daemon.runs.setup import set_up
@@ -21,9 +25,17 @@ from dsz_daemon.runs.summary import finite
 def main(config: str, out: str, status: str) -> None:
     setup = set_up(Path(config), ["can0=socketcan:vcan0", *_others(config)], live=True)
     with Service(Paths(status=Path(status))) as service:
-        live = Live(setup, LiveOptions(on_ready=Path(out, "ready").touch), service)
+        late: list[list[int]] = []
+
+        def look(row: Row) -> None:
+            now_ns = time.time_ns()
+            if now_ns - row.t_ns > 1e9 * (1.0 / setup.settings.loop.rate_hz + setup.settings.loop.guard_s):
+                late.append([row.t_ns, now_ns])
+
+        live = Live(setup, LiveOptions(on_ready=Path(out, "ready").touch, on_row=look), service)
         calm_collector()
         summary = live.run()
+    summary["live"]["missed_rows"] = late
     summary["live"]["lateness_us"]["bins"] = live.facts().lateness.bins()
     Path(out, "summary.json").write_text(json.dumps(finite(summary)))
 

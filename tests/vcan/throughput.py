@@ -7,17 +7,26 @@ to 2222 a second (half of a 500 kbit/s bus). One after the other, in the same ki
 
 - dsz: kernel filters, decode, estimator, E2E, six channels published at 100 Hz;
 - dsz watched: the same with `dsz monitor` on a terminal, `dsz metrics` asked once and `status` ten times a second;
-- peer: python-can's Notifier and cantools, the latest raw values published at 100 Hz. No estimator, no E2E.
+- peer: python-can's Notifier and cantools, the latest raw values published at 100 Hz. No estimator, no E2E;
+- nobody: player and witnesses alone, to tell their CPU time from a daemon's.
+
+CPU time is what this machine's kernel counts for everything in the guest: the guest's own kernel only looks every
+10 ms who is running. And hitches.py runs twice, in the guest and outside: what is late there has met neither daemon
+nor guest.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +39,7 @@ RAV4 = ROOT.parent / "shared" / "data" / "rav4_highway" / "recording.log"
 RAV4_CONFIG = ROOT / "config/cars/toyota_rav4_2017.yaml"
 FRAMES_PER_S = 2222
 NO_WAY = 77
-WAYS = ("dsz", "watched", "peer")
+WAYS = ("nobody", "dsz", "watched", "peer")
 _LINE = re.compile(r"\((\d+)\.(\d{6})\) (\S+) (\S+)")
 _DATA = "0123456789ABCDEF"
 
@@ -83,32 +92,86 @@ def played(what: Drive, out: Path, who: str, seconds: float = 60.0) -> dict[str,
     out.mkdir(parents=True, exist_ok=True)
     inside = ["tests/vcan/bus_run.py", str(what.log), "can0", str(what.config), str(out), who, str(seconds + 20.0)]
     limit_s = round(seconds) + 300
-    command = [str(ROOT / "tests/vcan/guest"), "-p", "-t", str(limit_s), "-w", str(out), sys.executable, *inside]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=limit_s + 600, check=False)
-    if done.returncode == NO_WAY:
-        print(done.stderr.strip(), file=sys.stderr)
+    punctual = [str(ROOT / "tests/vcan/guest"), "-p", "-t", str(limit_s), "-w", str(out)]
+    here = out / "hitches_here.json"
+    first = ["chrt", "-f", "30"] if os.geteuid() == 0 else []
+    witness = subprocess.Popen([*first, sys.executable, str(ROOT / "tests/vcan/hitches.py"), str(here)])
+    try:
+        with (out / "output.txt").open("w") as output:
+            running = subprocess.Popen([*punctual, sys.executable, *inside], cwd=ROOT, stdout=output, stderr=output)
+            code, cpu_share = _watched(running, out, limit_s + 600)
+    finally:
+        witness.send_signal(signal.SIGTERM)
+        witness.wait(30.0)
+    said = (out / "output.txt").read_text()
+    if code == NO_WAY:
+        print(said.strip(), file=sys.stderr)
         raise SystemExit(NO_WAY)
-    if done.returncode != 0:
-        raise SystemExit(f"{who}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    names = ("cost.json", "summary.json", "hitches.json")
-    cost, summary, hitches = (json.loads((out / name).read_text()) for name in names)
-    return {"who": who, **cost, "summary": summary, "hitches": hitches}
+    if code != 0:
+        raise SystemExit(f"{who}: exit code {code}\n{said}")
+    begun_ns, ended_ns = (int((out / name).read_text()) for name in ("begun", "ended"))
+    found = {name: json.loads((out / f"{name}.json").read_text()) for name in ("cost", "summary", "hitches")}
+    outside = [hitch for hitch in json.loads(here.read_text()) if begun_ns <= hitch[1] <= ended_ns]
+    hitches = [hitch for hitch in found["hitches"] if begun_ns <= hitch[1] <= ended_ns]
+    return {
+        "who": who,
+        **found["cost"],
+        "cpu_share": cpu_share,
+        "summary": found["summary"],
+        "hitches": hitches,
+        "hitches_here": outside,
+    }
+
+
+def _watched(running: subprocess.Popen[bytes], out: Path, limit_s: float) -> tuple[int, float]:
+    """Exit code, and the share of a CPU that it and all its children took between OUT/begun and OUT/ended."""
+    end_s = time.monotonic() + limit_s
+    at: dict[str, tuple[float, float]] = {}
+    while running.poll() is None:
+        for name in ("begun", "ended"):
+            if name not in at and (out / name).exists():
+                at[name] = time.monotonic(), _tree_cpu_s(running.pid)
+        if time.monotonic() > end_s:
+            running.kill()
+        time.sleep(0.05)
+    if len(at) < 2:
+        return running.wait(), float("nan")
+    (begun_s, before_s), (ended_s, after_s) = at["begun"], at["ended"]
+    return running.wait(), (after_s - before_s) / (ended_s - begun_s)
+
+
+def _tree_cpu_s(root: int) -> float:
+    """CPU time so far of a process and its descendants, those that have ended included."""
+    parents, times = {}, {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        parents[int(stat.parent.name)] = int(fields[1])
+        times[int(stat.parent.name)] = sum(map(int, fields[11:15]))
+    found, new = {root}, {root}
+    while new:
+        new = {pid for pid, parent in parents.items() if parent in new}
+        found |= new
+    return sum(times.get(pid, 0) for pid in found) / os.sysconf("SC_CLK_TCK")
 
 
 def figures(result: dict[str, Any], frames: int) -> dict[str, Any]:
     """One way's row: shares, times in ms."""
     summary, live = result["summary"], result["summary"].get("live", {})
-    late = live.get("lateness_us") or summary["lateness_us"]
+    late = live.get("lateness_us") or summary.get("lateness_us", {})
     buses = live.get("buses", {}).values()
+    received = summary.get("received")
     return {
         "who": result["who"],
         "frames_per_s": frames / result["seconds"],
-        "lost": sum(bus["lost"] for bus in buses) if live else max(0, frames - summary["received"]),
+        "lost": sum(bus["lost"] for bus in buses) if live or received is None else max(0, frames - received),
         "dropped": sum(bus["dropped"] for bus in buses),
         "missed": summary["counts"]["missed"] if live else None,
-        "rows": summary["rows"] if live else summary["sent"] // 2,
+        "rows": summary["rows"] if live else summary.get("sent", 0) // 2,
         "cpu": result["cpu_share"],
-        **{f"{name}_ms": late[name] * 1e-3 for name in ("p50", "p99", "max")},
+        **{f"{name}_ms": late.get(name, math.nan) * 1e-3 for name in ("p50", "p99", "max")},
     }
 
 
@@ -119,7 +182,9 @@ def table(rows: list[dict[str, Any]]) -> str:
         missed = "-" if row["missed"] is None else row["missed"]
         lines.append(
             f"| {row['who']} | {row['frames_per_s']:.0f} | {row['lost']} | {row['rows']} | {missed} | "
-            f"{100 * row['cpu']:.1f} % | {row['p50_ms']:.2f} | {row['p99_ms']:.2f} | {row['max_ms']:.2f} |"
+            f"{100 * row['cpu']:.1f} % | {row['p50_ms']:.2f} | {row['p99_ms']:.2f} | {row['max_ms']:.2f} |".replace(
+                "nan", "-"
+            )
         )
     return "\n".join(lines)
 
@@ -146,11 +211,22 @@ def report(rows: list[dict[str, Any]]) -> str:
         table(rows),
         histogram([row["result"] for row in rows]),
     ]
-    hitches = [len(row["result"]["hitches"]) for row in rows]
-    texts.append(f"hitches of the machine over 4 ms meanwhile (tests/vcan/hitches.py): {', '.join(map(str, hitches))}")
-    by_way = {row["who"]: row for row in rows}
-    if {"dsz", "peer"} <= set(by_way):
-        texts.append(f"CPU, dsz over peer: {by_way['dsz']['cpu'] / by_way['peer']['cpu']:.2f}")
+    for name, where in (("hitches", "in the guest"), ("hitches_here", "outside of it")):
+        seen = [row["result"][name] for row in rows]
+        found = ", ".join(f"{len(late)} (to {max((b - a for a, b in late), default=0) * 1e-6:.0f} ms)" for late in seen)
+        texts.append(f"hitches of the machine over 4 ms meanwhile, {where} (tests/vcan/hitches.py): {found}")
+    for row in rows:
+        missed = row["result"]["summary"].get("live", {}).get("missed_rows", ())
+        hitches = [*row["result"]["hitches"], *row["result"]["hitches_here"]]
+        alone = sum(not any(begin < sent and due < end for begin, end in hitches) for due, sent in missed)
+        if missed:
+            texts.append(f"{row['who']}: {len(missed)} rows 10 ms late, {alone} of them without a hitch meanwhile")
+    cpu = {row["who"]: row["cpu"] for row in rows}
+    if {"nobody", "dsz", "peer"} <= set(cpu):
+        dsz, peer = cpu["dsz"] - cpu["nobody"], cpu["peer"] - cpu["nobody"]
+        texts.append(
+            f"CPU above nobody's: dsz {100 * dsz:.0f} %, peer {100 * peer:.0f} %; dsz over peer: {dsz / peer:.2f}"
+        )
     return "\n\n".join(texts)
 
 
