@@ -1,7 +1,8 @@
 """A minute on a kernel's vcan0: no frame lost, and what was sent is what `dsz replay` makes of the same bus.
 
 How late ticks were is printed, for dsz, dsz being watched and a peer, and judged by nobody here: a guest's CPU is a
-program of this machine, which has other things to do at times.
+program of this machine, which has other things to do at times. That none is missed is judged by the first of three
+minutes in which it holds, and not at all where a witness outside of the guest was itself held up in each of them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from live_equals_replay import Compared, output_messages
 
 pytestmark = [pytest.mark.vcan, pytest.mark.quiet, pytest.mark.xdist_group("guest")]
 
-SECONDS = {"dsz": 60.0, "watched": 30.0, "peer": 20.0}
+SECONDS = {"nobody": 15.0, "dsz": 60.0, "watched": 30.0, "peer": 20.0}
+MINUTES = 3
 
 Ways = dict[str, dict[str, Any]]
 
@@ -28,14 +30,18 @@ def ways(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ways]:
     found: Ways = {}
     for who, seconds in SECONDS.items():
         what = throughput.drive(tmp_path_factory.mktemp("drive"), seconds)
-        out = tmp_path_factory.mktemp(who)
-        try:
-            result = throughput.played(what, out, who, seconds)
-        except SystemExit as ended:
-            if ended.code == throughput.NO_WAY:
-                pytest.skip("no vcan in this kernel and no way to a guest that has it (see standard error)")
-            raise
-        found[who] = {**throughput.figures(result, what.frames), "result": result, "out": out, "of": what}
+        for _ in range(MINUTES if who == "dsz" else 1):
+            out = tmp_path_factory.mktemp(who)
+            try:
+                result = throughput.played(what, out, who, seconds)
+            except SystemExit as ended:
+                if ended.code == throughput.NO_WAY:
+                    pytest.skip("no vcan in this kernel and no way to a guest that has it (see standard error)")
+                raise
+            found[who] = {**throughput.figures(result, what.frames), "result": result, "out": out, "of": what}
+            if not found[who]["missed"]:
+                break
+            print("\n" + throughput.table([found[who]]) + throughput.hitched([found[who]]))
     yield found
     # At the end, when pytest shows what a module's fixtures say.
     print("\n" + throughput.report(list(found.values())))
@@ -53,6 +59,14 @@ def test_every_frame_is_read_and_every_tick_accounted_for(ways: Ways, who: str) 
     assert (row["lost"], row["dropped"], row["result"]["exit"]) == (0, 0, 0), throughput.table([row])
     # 100 a second, and some more until it is told to stop.
     assert row["rows"] >= SECONDS[who] * 100 - 20
+
+
+def test_no_tick_is_missed(ways: Ways) -> None:
+    """In one of three minutes at most."""
+    row = ways["dsz"]
+    if row["missed"] and row["result"]["hitches_here"]:
+        pytest.skip(f"this machine does not hold still: {throughput.hitched([row])}; {row['missed']} ticks missed")
+    assert row["missed"] == 0
 
 
 def test_stamps_are_the_kernels(ways: Ways) -> None:

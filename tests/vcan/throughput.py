@@ -204,13 +204,9 @@ def histogram(results: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def report(rows: list[dict[str, Any]]) -> str:
-    """All of it, of rows that have their `result` and what they are `of`."""
-    texts = [
-        f"{rows[0]['of'].of}, filled up to {FRAMES_PER_S} frames/s",
-        table(rows),
-        histogram([row["result"] for row in rows]),
-    ]
+def hitched(rows: list[dict[str, Any]]) -> str:
+    """When the machine was late itself, and what of dsz was late meanwhile."""
+    texts = []
     for name, where in (("hitches", "in the guest"), ("hitches_here", "outside of it")):
         seen = [row["result"][name] for row in rows]
         found = ", ".join(f"{len(late)} (to {max((b - a for a, b in late), default=0) * 1e-6:.0f} ms)" for late in seen)
@@ -221,6 +217,17 @@ def report(rows: list[dict[str, Any]]) -> str:
         alone = sum(not any(begin < sent and due < end for begin, end in hitches) for due, sent in missed)
         if missed:
             texts.append(f"{row['who']}: {len(missed)} rows 10 ms late, {alone} of them without a hitch meanwhile")
+    return "\n\n".join(texts)
+
+
+def report(rows: list[dict[str, Any]]) -> str:
+    """All of it, of rows that have their `result` and what they are `of`."""
+    texts = [
+        f"{rows[0]['of'].of}, filled up to {FRAMES_PER_S} frames/s",
+        table(rows),
+        histogram([row["result"] for row in rows]),
+    ]
+    texts.append(hitched(rows))
     cpu = {row["who"]: row["cpu"] for row in rows}
     if {"nobody", "dsz", "peer"} <= set(cpu):
         dsz, peer = cpu["dsz"] - cpu["nobody"], cpu["peer"] - cpu["nobody"]
