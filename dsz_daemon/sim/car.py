@@ -45,13 +45,33 @@ class Car:
     friction: float = 1.0  # chosen: dry asphalt, as in the paper's test
     shape: float = 1.3  # the Magic Formula's C for lateral force (Pacejka, 1.3)
     # Chosen: stiffness grows less than load: 2 x the load gives 1.5 x the stiffness.
+    load_sensitivity: float = 1.0  # 0: the load does not matter
     load_degression: float = 0.25
     lateral_relaxation_m: float = 0.5  # chosen: stiffness over a carcass of 130 kN/m
     longitudinal_relaxation_m: float = 0.2  # chosen: stiffness over a carcass of 400 kN/m
     wheel_inertia_kgm2: float = 1.2  # chosen: 17 inch wheel and tyre of about 22 kg
     rolling_resistance: float = 0.012  # chosen: road tyre on asphalt
     drag_area_m2: float = 0.95  # chosen: cd 0.37 on 2.6 m2
+    # Chosen: a side wind acts at the C.G.'s height and a quarter of a metre ahead of it, an SUV's usual yaw moment.
+    wind_ahead_m: float = 0.25
+    wind_up_m: float = 0.0
+    front_drive_share: float = 1.0  # paper: 2WD
     front_brake_share: float = 0.65  # chosen: usual proportioning
+    # What lateral force turns the front wheels back by: 0, or some 1e-6 rad/N in road cars (a degree at 1 g).
+    steering_compliance_rad_per_n: float = 0.0
+    # Play between steering wheel and road wheels, at these.
+    steering_backlash_rad: float = 0.0
+    steering_offset_rad: float = 0.0
+    # True over nominal, and by how much more per radian of the steering wheel.
+    steering_ratio_scale: float = 1.0
+    steering_ratio_per_rad: float = 0.0
+    # True over nominal radius, front left to rear right: what the wheel speeds are wrong by.
+    wheel_radius_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    # A body that can't lean or dive keeps the road's attitude; its wheels keep their static load.
+    leans: bool = True
+    dives: bool = True
+    # Wheels that can't slip show the speed of their hubs.
+    slips: bool = True
     steering_ratio: float = 15.7  # example configuration
     # Paper, Table 5: RT3100 1.000 m ahead of the rear axle and 0.600 m below the antenna on
     # the roof (1.655 m high), IMU 0.930 m further ahead and 0.430 m below it.

@@ -9,14 +9,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from dsz_daemon.compiled import compiled
 from dsz_daemon.sim.road import RoadPoint, Vector, tilting_rate_radps, upwards
 
 
+@compiled
 def cross(a: Vector, b: Vector) -> Vector:
     """Return the vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
+@compiled
 def dot(a: Vector, b: Vector) -> float:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -29,14 +32,17 @@ class Axes(NamedTuple):
     aside: Vector
     normal: Vector
 
-    def in_body(self, road: Vector) -> Vector:
-        """Turn a vector from road into body axes."""
-        (x, y, z), (a, b, c) = road, self
-        return (
-            x * a[0] + y * b[0] + z * c[0],
-            x * a[1] + y * b[1] + z * c[1],
-            x * a[2] + y * b[2] + z * c[2],
-        )
+
+@compiled
+def in_body(axes: Axes, road: Vector) -> Vector:
+    """Turn a vector from road into body axes."""
+    x, y, z = road
+    a, b, c = axes
+    return (
+        x * a[0] + y * b[0] + z * c[0],
+        x * a[1] + y * b[1] + z * c[1],
+        x * a[2] + y * b[2] + z * c[2],
+    )
 
 
 class Pose(NamedTuple):
@@ -61,6 +67,7 @@ class Pose(NamedTuple):
     dive_per_s: float
 
 
+@compiled
 def pose(
     velocity_mps: Vector,
     turn_radps: Vector,
@@ -80,11 +87,11 @@ def pose(
     )
     along_mps = dot(velocity_mps, axes.ahead)
     rising_mps = dot(velocity_mps, axes.normal)
-    vertical = axes.in_body(upwards(point))
-    tilting = axes.in_body(tilting_rate_radps(point, along_mps))
+    vertical = in_body(axes, upwards(point))
+    tilting = in_body(axes, tilting_rate_radps(point, along_mps))
     # turning = roll rate (about body x) + pitch rate (about road y) + the road's tilting
     # + yaw rate (about the vertical): three equations for the three rates.
-    p, q, r = (turn - tilt for turn, tilt in zip(turn_radps, tilting, strict=True))
+    p, q, r = turn_radps[0] - tilting[0], turn_radps[1] - tilting[1], turn_radps[2] - tilting[2]
     yaw_rate = (q * sin_roll + r * cos_roll) / (vertical[1] * sin_roll + vertical[2] * cos_roll)
     pitch_rate = q * cos_roll - r * sin_roll - yaw_rate * (vertical[1] * cos_roll - vertical[2] * sin_roll)
     roll_rate = p - yaw_rate * vertical[0]

@@ -1,14 +1,10 @@
-"""Scenarios by name: which car, which road, which driver; and one call that drives one.
-
-To add a scenario, add a row to `_SCENARIOS`.
-"""
+"""One call that drives a scenario of the catalogue, and hands out frames, truth and what reading them takes."""
 
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,25 +13,15 @@ from dsz_daemon.errors import ConfigError, Fault
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.signals import IMU_CHANNELS, QUANTITIES, WHEEL_SPEEDS
 from dsz_daemon.sim.bus import configuration, dbc_files
-from dsz_daemon.sim.car import TUCSON, Car
+from dsz_daemon.sim.catalogue import SCENARIOS, Scenario
 from dsz_daemon.sim.coding import EPOCH_S, can_frames
-from dsz_daemon.sim.drive import STEP_S, Columns, drive
-from dsz_daemon.sim.driver import Programme, ProgrammeDriver, SineSteer, SpeedChange
-from dsz_daemon.sim.road import Road, flat_road
-from dsz_daemon.sim.sensors import SensorErrors, draw_errors
+from dsz_daemon.sim.drive import ROW_S, Columns, drive
+from dsz_daemon.sim.imu import offset_columns
+from dsz_daemon.sim.sensor_draws import draw_errors
+from dsz_daemon.sim.sensors import SensorErrors
 from dsz_daemon.sim.vehicle import TwoTrackCar
 
 TRUTH_PERIOD_S = 0.01
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One drive: what it is for, the car, the road and the driver's programme."""
-
-    meaning: str
-    car: Car
-    road: Road
-    programme: Programme
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,38 +42,9 @@ class SimulatedDrive:
     parameters: dict[str, Any]
 
 
-def _sine(start_s: float, frequency_hz: float, periods: int, amplitude_deg: float) -> SineSteer:
-    return SineSteer(start_s, frequency_hz, periods, math.radians(amplitude_deg))
-
-
-# The paper's section 6.2 gives no speed or angle. Chosen: stand 5 s, then up to 65 km/h; the
-# first sine falls into the 10 to 14 s of its Fig. 3, while the car has just become fast
-# enough to learn a lateral offset; later ones reach 0.6 g, well into the tyres' curve, with
-# straight stretches between.
-_SINE_STEER = Programme(
-    duration_s=60.0,
-    speed_changes=(SpeedChange(5.0, 15.0, 18.0), SpeedChange(50.0, 57.0, -18.0)),
-    steering=(
-        _sine(11.0, 0.4, 1, 45.0),
-        _sine(19.0, 0.35, 3, 40.0),
-        _sine(33.0, 0.5, 4, -40.0),
-        _sine(45.0, 0.25, 1, 60.0),
-    ),
-)
-
-_SCENARIOS = {
-    "sine_steer": Scenario(
-        "sine steers on flat, dry asphalt from a standstill (the paper's first experiment)",
-        TUCSON,
-        flat_road,
-        _SINE_STEER,
-    ),
-}
-
-
 def scenario_names() -> tuple[str, ...]:
     """Return the names that `simulate` knows."""
-    return tuple(_SCENARIOS)
+    return tuple(SCENARIOS)
 
 
 def scenario_meaning(name: str) -> str:
@@ -120,9 +77,13 @@ def simulate_scenario(
 ) -> SimulatedDrive:
     """Drive any scenario with any sensor errors; the seed only makes noise and foreign frames."""
     car, programme = scenario.car, scenario.programme
-    vehicle, driver = TwoTrackCar(car, scenario.road), ProgrammeDriver(programme, car)
-    columns = drive(vehicle, driver, programme.duration_s, progress=progress)
-    frames = can_frames(columns, car.steering_ratio, errors, _generator(seed, 1))
+    if errors.imu_place_m is not None:
+        x_m, y_m, z_m = errors.imu_place_m
+        car = replace(car, imu_x_m=x_m, imu_y_m=y_m, imu_z_m=z_m)
+    columns = drive(TwoTrackCar(car, scenario.road), programme, progress=progress)
+    front_m, rear_m = car.front_wheel_radius_m, car.rear_wheel_radius_m
+    radii_m = (front_m, front_m, rear_m, rear_m)
+    frames = can_frames(columns, car.steering_ratio, radii_m, errors, _generator(seed, 1))
     if progress is not None:
         progress(1.0)
     parameters = {
@@ -137,12 +98,12 @@ def simulate_scenario(
 
 def truth_columns(columns: Columns, errors: SensorErrors) -> Columns:
     """Return the truth, a row per 10 ms, offsets beside; the last instant is left out."""
-    every = round(TRUTH_PERIOD_S / STEP_S)
+    every = round(TRUTH_PERIOD_S / ROW_S)
     rows = (len(columns["time_s"]) - 1) // every
     truth: Columns = {name: column[: rows * every : every] for name, column in columns.items()}
     truth["time_s"] = EPOCH_S + TRUTH_PERIOD_S * np.arange(rows, dtype=np.float64)
-    for channel, offset in errors.offsets().items():
-        truth[f"{channel}_offset_{QUANTITIES[channel].suffix}"] = np.full(rows, offset, dtype=np.float64)
+    for channel, offset in offset_columns(errors, TRUTH_PERIOD_S * np.arange(rows, dtype=np.float64)).items():
+        truth[f"{channel}_offset_{QUANTITIES[channel].suffix}"] = offset
     return {name: truth[name] for name in _TRUTH_COLUMNS}
 
 
@@ -169,10 +130,10 @@ def _generator(seed: int, purpose: int) -> np.random.Generator:
 
 
 def _scenario(name: str) -> Scenario:
-    scenario = _SCENARIOS.get(name)
+    scenario = SCENARIOS.get(name)
     if scenario is None:
-        near = difflib.get_close_matches(name, _SCENARIOS, 1, 0.0)
-        known = ", ".join(_SCENARIOS)
+        near = difflib.get_close_matches(name, SCENARIOS, 1, 0.0)
+        known = ", ".join(SCENARIOS)
         raise ConfigError(
             "can't simulate",
             [Fault("SCENARIO", f"unknown scenario {name!r}; did you mean {near[0]!r}? Known: {known}")],

@@ -1,15 +1,15 @@
-"""The sensors: what true motion becomes on its way into a CAN frame's bits.
+"""What sensors get wrong: the data sheets' numbers and one car's errors, each off by default.
 
-IMU: gyroscopes ADW22307 and accelerometers ADXL103 (the paper's Tables 1 and 2) behind a
-16-bit converter. Volts = null + sensitivity x (matrix x truth + null error + noise), clipped
-to the sensor's range, rounded to counts. Wheel speeds and steering angle are rounded to the
-quantum of their messages.
+Gyroscopes ADW22307 and accelerometers ADXL103 are the paper's Tables 1 and 2. Signs are those
+of the table of effects: `reading = (1 + scale) x true`, `reading_x += xy x true_y`, and the
+IMU's angles turn it against the car (ISO 8855). What is done with these numbers: `imu.py`,
+`wheel_sensors.py`, `steering_sensor.py`, `clocks.py`; where they are drawn: `sensor_draws.py`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ Matrix3 = tuple[Vector3, Vector3, Vector3]
 
 VOLTS_PER_COUNT = 7.63e-5  # 5 V over 16 bits
 NULL_VOLTS = 2.5  # half the supply: both data sheets' nominal null at 5 V
-MOST_COUNTS = 0xFFFF
 
 
 class Triad(NamedTuple):
@@ -40,94 +39,125 @@ class Triad(NamedTuple):
 GYROS = Triad(GYRO_CHANNELS, math.pi / 180.0, 0.007, 250.0, 3.0, 0.03)  # deg/s; Table 1
 ACCELS = Triad(ACCEL_CHANNELS, STANDARD_GRAVITY_MPS2, 1.0, 1.7, 0.025, 110e-6)  # g; Table 2
 
-# Chosen: what is left after a calibration of scale and alignment at the end of the line, one
-# standard deviation each. The paper zeroes offsets and assumes the rest; the data sheets'
-# uncalibrated spreads (11 % and 4 %, 3 %) are a later scenario's. At these levels gravity
-# leaks 10 and 5 mm/s^2, a twentieth of the accelerometer's null error.
-SCALE_ERROR_STD = 1.0e-3
-CROSS_AXIS_STD = 0.5e-3
+STEERING_QUANTUM_DEG = 0.1  # of the message; a sensor may be coarser
 
-WHEEL_SPEED_QUANTUM_KMH = 0.03125
-STEERING_QUANTUM_DEG = 0.1
-# Chosen: pulses come too seldom below a walking pace; makers' units report 0 there.
-WHEEL_SILENT_BELOW_KMH = 1.0
+NONE: Vector3 = (0.0, 0.0, 0.0)
 
-IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+class CrossAxis(NamedTuple):
+    """Leaks between axes, as shares: `xy` is what reads on x of the truth on y."""
+
+    xy: float = 0.0
+    xz: float = 0.0
+    yx: float = 0.0
+    yz: float = 0.0
+    zx: float = 0.0
+    zy: float = 0.0
+
+
+class Angles(NamedTuple):
+    """How an instrument is turned against the car: yaw first, then pitch, then roll."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+
+class WarmUp(NamedTuple):
+    """Temperature of the IMU: from `start_c` towards `end_c`, as a body that warms up does."""
+
+    start_c: float = 25.0
+    end_c: float = 25.0
+    time_constant_s: float = 600.0
+
+
+class UnitClock(NamedTuple):
+    """A sender's own clock against the log's: its period is longer by this, its phase later."""
+
+    period_error_ppm: float = 0.0
+    phase_s: float = 0.0
+
+
+class Clocks(NamedTuple):
+    """One clock per sender; both messages of the IMU run by the same one."""
+
+    imu: UnitClock = UnitClock()
+    steering: UnitClock = UnitClock()
+    wheel_speeds: UnitClock = UnitClock()
+    pedals: UnitClock = UnitClock()
+
+
+class PoleRing(NamedTuple):
+    """A toothed ring in each wheel: `poles` edges a turn; `starts` is each wheel's, in poles.
+
+    `starts` (front left, front right, rear left, rear right) tells how far it has turned past
+    the last edge when the drive begins, 0 to 1.
+    """
+
+    poles: int = 48
+    starts: tuple[float, float, float, float] = (0.5, 0.5, 0.5, 0.5)
+
+
+NO_CROSS_AXIS, STRAIGHT, EVEN_WARM, ON_TIME = CrossAxis(), Angles(), WarmUp(), Clocks()
 
 
 @dataclass(frozen=True, slots=True)
 class SensorErrors:
-    """One car's draw: constant null errors (SI) and the matrix from truth to reading."""
+    """One car's sensors, everything that is wrong with them; a default leaves an error out.
 
-    gyro_offset_radps: Vector3 = (0.0, 0.0, 0.0)
-    accel_offset_mps2: Vector3 = (0.0, 0.0, 0.0)
-    gyro_matrix: Matrix3 = IDENTITY
-    accel_matrix: Matrix3 = IDENTITY
+    Null errors are those of the first instant: drift and temperature move them from there.
+    """
+
+    gyro_offset_radps: Vector3 = NONE
+    accel_offset_mps2: Vector3 = NONE
+    gyro_scale: Vector3 = NONE
+    accel_scale: Vector3 = NONE
+    gyro_cross_axis: CrossAxis = NO_CROSS_AXIS
+    accel_cross_axis: CrossAxis = NO_CROSS_AXIS
+    # The whole IMU in the car, and within it the accelerometers in their housing (Table 2).
+    imu_misalignment: Angles = STRAIGHT
+    accel_alignment: Angles = STRAIGHT
+    # From the C.G. in body axes; None: where the car has it. The vehicle gives the specific
+    # force at this place.
+    imu_place_m: Vector3 | None = None
+    # Shares of full scale, reached at + full scale: `imu.bent` has the curve.
+    gyro_nonlinearity: Vector3 = NONE
+    accel_nonlinearity: Vector3 = NONE
+    # (rad/s) / (m/s^2); rows are gyros, columns the specific force.
+    gyro_g_sensitivity: Matrix3 = (NONE, NONE, NONE)
+    # White noise at the data sheet's density, times the gain (a hot gyro: 2); noisy = False
+    # leaves out flicker noise as well.
     noisy: bool = True
+    gyro_noise_gain: float = 1.0
+    accel_noise_gain: float = 1.0
+    # Level b of 1/f noise: one-sided power density b^2 / f.
+    gyro_flicker_radps: float = 0.0
+    accel_flicker_mps2: float = 0.0
+    gyro_drift_radps_per_s: Vector3 = NONE
+    accel_drift_mps2_per_s: Vector3 = NONE
+    gyro_drift_radps_per_k: Vector3 = NONE
+    accel_drift_mps2_per_k: Vector3 = NONE
+    warm_up: WarmUp = EVEN_WARM
+    imu_cutoff_hz: float | None = None
+    gyro_limit_radps: float | None = None
+    accel_limit_mps2: float | None = None
+    converter_bits: int = 16
+    imu_delay_s: float = 0.0
+    pole_ring: PoleRing | None = None
+    wheel_speed_delay_s: float = 0.0
+    # At the road wheel, which stands at steering wheel / ratio + offset.
+    steering_offset_rad: float = 0.0
+    steering_quantum_deg: float = STEERING_QUANTUM_DEG
+    steering_delay_s: float = 0.0
+    clocks: Clocks = ON_TIME
+    # A frame is stamped up to this much after its sample was due: it waits for the bus.
+    stamp_jitter_s: float = 0.0
 
     def offsets_only(self) -> SensorErrors:
-        """Return the same null errors with perfect scale and alignment; noise stays."""
-        return replace(self, gyro_matrix=IDENTITY, accel_matrix=IDENTITY)
+        """Return the same null errors and nothing else wrong; noise of the data sheet stays."""
+        return SensorErrors(self.gyro_offset_radps, self.accel_offset_mps2, noisy=self.noisy)
 
     def offsets(self) -> dict[str, float]:
-        """Return the null error of each IMU channel, SI."""
+        """Return the null error of each IMU channel at the first instant, SI."""
         values = (*self.gyro_offset_radps, *self.accel_offset_mps2)
         return dict(zip(GYRO_CHANNELS + ACCEL_CHANNELS, values, strict=True))
-
-
-def draw_errors(rng: np.random.Generator) -> SensorErrors:
-    """Draw null errors evenly within the data sheets' limits, scale and cross-axis as above."""
-    gyro = [float(x) for x in rng.uniform(-1.0, 1.0, 3) * GYROS.null_error_unit * GYROS.unit]
-    accel = [float(x) for x in rng.uniform(-1.0, 1.0, 3) * ACCELS.null_error_unit * ACCELS.unit]
-    return SensorErrors(
-        (gyro[0], gyro[1], gyro[2]), (accel[0], accel[1], accel[2]), _draw_matrix(rng), _draw_matrix(rng)
-    )
-
-
-def _draw_matrix(rng: np.random.Generator) -> Matrix3:
-    draws = [float(x) for x in rng.normal(size=9)]
-
-    def row(i: int) -> Vector3:
-        a, b, c = (
-            1.0 + SCALE_ERROR_STD * draws[3 * i + j] if i == j else CROSS_AXIS_STD * draws[3 * i + j] for j in range(3)
-        )
-        return (a, b, c)
-
-    return (row(0), row(1), row(2))
-
-
-def imu_counts(
-    triad: Triad,
-    truth: NDArray[np.float64],
-    offset: Vector3,
-    matrix: Matrix3,
-    rate_hz: float,
-    rng: np.random.Generator | None,
-) -> Counts:
-    """Return the converter's counts for `truth` (n x 3, SI) sampled at `rate_hz`; n x 3.
-
-    Noise is white up to half the sampling rate, as behind an ideal anti-aliasing filter; none
-    without `rng`. Written out per axis: a matrix product may round differently elsewhere.
-    """
-    counts = np.empty(truth.shape, dtype=np.int64)
-    noise_unit = triad.noise_per_root_hz * math.sqrt(rate_hz / 2.0)
-    for i in range(3):
-        a, b, c = matrix[i]
-        seen = (a * truth[:, 0] + b * truth[:, 1] + c * truth[:, 2] + offset[i]) / triad.unit
-        if rng is not None:
-            seen = seen + noise_unit * rng.normal(size=len(seen))
-        volts = NULL_VOLTS + triad.volts_per_unit * np.clip(seen, -triad.range_unit, triad.range_unit)
-        counts[:, i] = np.clip(np.rint(volts / VOLTS_PER_COUNT), 0, MOST_COUNTS)
-    return counts
-
-
-def wheel_speed_counts(speed_mps: NDArray[np.float64]) -> Counts:
-    """Return wheel speeds in quanta; unsigned, as usual, and 0 below a walking pace."""
-    kmh = np.abs(speed_mps) * 3.6
-    quanta = np.rint(kmh / WHEEL_SPEED_QUANTUM_KMH).astype(np.int64)
-    return np.where(kmh < WHEEL_SILENT_BELOW_KMH, 0, quanta)
-
-
-def steering_counts(steering_wheel_rad: NDArray[np.float64]) -> Counts:
-    """Return the steering wheel angle in quanta, left positive."""
-    return np.rint(np.degrees(steering_wheel_rad) / STEERING_QUANTUM_DEG).astype(np.int64)

@@ -12,13 +12,20 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from dsz_daemon.compiled import compiled
 from dsz_daemon.sim.car import Car
 
 # Chosen: speed below which the string is damped; above it, rolling itself damps.
 DAMPED_BELOW_MPS = 3.0
-# Chosen: brake and rolling resistance turn round smoothly within this wheel speed; at
-# 0.3 m/s it is below what any wheel speed sensor resolves.
+# Chosen: rolling resistance turns round smoothly within this wheel speed; at 0.3 m/s it is
+# below what any wheel speed sensor resolves.
 REVERSAL_RADPS = 1.0
+# Chosen: a brake grips fully after so much turning, 7 mm of way: pads, caliper and sidewall.
+BRAKE_WINDUP_RAD = 0.02
+# Chosen: what winds up swings out in about a second, as after the jerk of a stop.
+BRAKE_DAMPING_S = 0.03
+# Neither slip nor brake follow faster than this, however fast the wheel turns: two steps of 1 kHz.
+FASTEST_S = 0.002
 
 
 class Tyre(NamedTuple):
@@ -31,6 +38,7 @@ class Tyre(NamedTuple):
     static_load_n: float
     friction: float
     shape: float
+    load_sensitivity: float
     load_degression: float
     longitudinal_relaxation_m: float
     lateral_relaxation_m: float
@@ -58,6 +66,7 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
             load_n,
             car.friction,
             car.shape,
+            car.load_sensitivity,
             car.load_degression,
             car.longitudinal_relaxation_m,
             car.lateral_relaxation_m,
@@ -72,19 +81,22 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
     )
 
 
-def tyre_force(tyre: Tyre, longitudinal_slip: float, lateral_slip: float, load_n: float) -> tuple[float, float]:
+@compiled
+def tyre_force(
+    tyre: Tyre, longitudinal_slip: float, lateral_slip: float, load_n: float, grip: float = 1.0
+) -> tuple[float, float]:
     """Return the force (forward, left) in the wheel's axes, N.
 
+    `grip` is the surface's share of the tyre's own friction.
     `lateral_slip` is minus the tangent of the slip angle: positive slips make positive forces.
     """
     if load_n <= 0.0:
         return 0.0, 0.0
     ratio = load_n / tyre.static_load_n
-    stiffening = ratio * (1.0 - tyre.load_degression * (ratio - 1.0))
+    stiffening = 1.0 + tyre.load_sensitivity * (ratio * (1.0 - tyre.load_degression * (ratio - 1.0)) - 1.0)
     force_x = tyre.slip_stiffness_n * stiffening * longitudinal_slip
     force_y = tyre.cornering_stiffness_n_per_rad * stiffening * lateral_slip
-    grip_n = tyre.friction * load_n
-    demand = math.sqrt(force_x * force_x + force_y * force_y) / grip_n
+    demand = math.sqrt(force_x * force_x + force_y * force_y) / (grip * tyre.friction * load_n)
     if demand < 1e-6:
         return force_x, force_y
     # Slope 1 at zero and peak 1: B C = 1 and D = 1 of the formula in this scaling.
@@ -92,22 +104,24 @@ def tyre_force(tyre: Tyre, longitudinal_slip: float, lateral_slip: float, load_n
     return force_x * share, force_y * share
 
 
+@compiled
 def wheel(
     tyre: Tyre,
     forward_mps: float,
     left_mps: float,
-    spin_radps: float,
-    longitudinal_slip: float,
-    lateral_slip: float,
+    state: tuple[float, float, float, float],
     load_n: float,
     drive_nm: float,
     brake_nm: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Return force forward and left (N), the rates of spin and both slips, and the shaft torque.
+    grip: float,
+) -> tuple[float, float, tuple[float, float, float, float], float]:
+    """Return force forward and left (N), the rates of the wheel's state, and the shaft torque.
 
     All in the wheel's own axes; `forward_mps`, `left_mps` are the speed of its contact point,
     as carried along by the car. The torque (Nm) is what body and wheel exert on each other.
+    The brake winds up like Dahl's friction (P. R. Dahl, 1968): a damped spring that gives way at the pads' torque.
     """
+    spin_radps, longitudinal_slip, lateral_slip, windup = state
     creep_mps = spin_radps * tyre.radius_m - forward_mps
     speed_mps = abs(forward_mps)
     kappa, slip = longitudinal_slip, lateral_slip
@@ -115,15 +129,17 @@ def wheel(
         fading = 0.5 * (1.0 + math.cos(math.pi * speed_mps / DAMPED_BELOW_MPS))
         kappa += fading * tyre.longitudinal_damping_s_per_m * creep_mps
         slip -= fading * tyre.lateral_damping_s_per_m * left_mps
-    force_x, force_y = tyre_force(tyre, kappa, slip, load_n)
-    turning = math.tanh(spin_radps / REVERSAL_RADPS)
-    shaft_nm = drive_nm - brake_nm * turning
-    resistance_nm = tyre.rolling_resistance * load_n * tyre.radius_m * turning
-    return (
-        force_x,
-        force_y,
+    force_x, force_y = tyre_force(tyre, kappa, slip, load_n, grip)
+    winding_rad = max(BRAKE_WINDUP_RAD, abs(spin_radps) * FASTEST_S)
+    windup_per_s = (spin_radps - abs(spin_radps) * windup) / winding_rad
+    shaft_nm = drive_nm - brake_nm * (windup + BRAKE_DAMPING_S * windup_per_s)
+    resistance_nm = tyre.rolling_resistance * load_n * tyre.radius_m * math.tanh(spin_radps / REVERSAL_RADPS)
+    along_m = max(tyre.longitudinal_relaxation_m, speed_mps * FASTEST_S)
+    across_m = max(tyre.lateral_relaxation_m, speed_mps * FASTEST_S)
+    rates = (
         (shaft_nm - resistance_nm - tyre.radius_m * force_x) / tyre.inertia_kgm2,
-        (creep_mps - speed_mps * longitudinal_slip) / tyre.longitudinal_relaxation_m,
-        (-left_mps - speed_mps * lateral_slip) / tyre.lateral_relaxation_m,
-        shaft_nm,
+        (creep_mps - speed_mps * longitudinal_slip) / along_m,
+        (-left_mps - speed_mps * lateral_slip) / across_m,
+        windup_per_s,
     )
+    return force_x, force_y, rates, shaft_nm

@@ -280,11 +280,11 @@ def test_sigterm_ends_a_run_with_all_its_files(recorded: tuple[Path, Path], tmp_
 @pytest.fixture
 def short_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first 7 s of sine_steer: enough to be driven, recorded and replayed."""
-    from dsz_daemon.sim import scenario
+    from dsz_daemon.sim import catalogue
 
-    whole = scenario._SCENARIOS["sine_steer"]
+    whole = catalogue.SCENARIOS["sine_steer"]
     programme = replace(whole.programme, duration_s=7.0)
-    monkeypatch.setitem(scenario._SCENARIOS, "sine_steer", replace(whole, programme=programme))
+    monkeypatch.setitem(catalogue.SCENARIOS, "sine_steer", replace(whole, programme=programme))
 
 
 @pytest.mark.usefixtures("short_scenario")

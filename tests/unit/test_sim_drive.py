@@ -9,8 +9,8 @@ import pytest
 
 from dsz_daemon.sim.car import TUCSON
 from dsz_daemon.sim.drive import COLUMNS, STEP_S, Columns, drive
-from dsz_daemon.sim.driver import Programme, ProgrammeDriver, SineSteer, SpeedChange
-from dsz_daemon.sim.road import flat_road
+from dsz_daemon.sim.driver import Programme, SineSteer, SpeedChange
+from dsz_daemon.sim.road import FLAT
 from dsz_daemon.sim.vehicle import TwoTrackCar
 
 SHORT = Programme(
@@ -21,7 +21,7 @@ SHORT = Programme(
 
 
 def driven(step_s: float) -> Columns:
-    return drive(TwoTrackCar(TUCSON, flat_road), ProgrammeDriver(SHORT, TUCSON), SHORT.duration_s, step_s)
+    return drive(TwoTrackCar(TUCSON, FLAT), SHORT, step_s)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_halving_the_step_changes_nothing_that_a_sensor_could_see(columns: Colum
 
 
 def test_driver_keeps_to_the_programme_and_stops(columns: Columns) -> None:
-    wanted = np.array([SHORT.wanted(float(t))[0] for t in columns["time_s"]])
+    wanted, _ = SHORT.wanted(columns["time_s"])
     assert np.abs(columns["speed_mps"] - wanted).max() < 0.4
     assert abs(columns["speed_mps"][-1]) < 1e-3
     assert np.all(columns["speed_mps"][columns["time_s"] <= 0.5] == pytest.approx(0.0, abs=1e-9))
@@ -51,7 +51,7 @@ def test_driver_keeps_to_the_programme_and_stops(columns: Columns) -> None:
 
 def test_wanted_acceleration_is_the_wanted_speeds_slope() -> None:
     t = np.arange(0.0, 10.0, 0.001)
-    speed, acceleration = np.array([SHORT.wanted(float(x)) for x in t]).T
+    speed, acceleration = SHORT.wanted(t)
     assert np.gradient(speed, t) == pytest.approx(acceleration, abs=0.01)
 
 
@@ -77,7 +77,7 @@ def test_driven_front_wheels_run_ahead_and_braked_ones_behind(columns: Columns) 
 
 def test_progress_ends_where_it_should() -> None:
     heard: list[float] = []
-    drive(TwoTrackCar(TUCSON, flat_road), ProgrammeDriver(SHORT, TUCSON), 2.0, progress=heard.append)
+    drive(TwoTrackCar(TUCSON, FLAT), SHORT, progress=heard.append)
     assert heard[0] == 0.0
     assert heard[-1] == 1.0
     assert heard == sorted(heard)

@@ -19,21 +19,23 @@ from dsz_daemon.config.load import load_settings
 from dsz_daemon.edge.scenario_files import write_scenario
 from dsz_daemon.errors import ConfigError, MachineError
 from dsz_daemon.sim.car import TUCSON
+from dsz_daemon.sim.catalogue import SCENARIOS, Scenario
+from dsz_daemon.sim.drive import drive
 from dsz_daemon.sim.driver import Programme, SineSteer, SpeedChange
-from dsz_daemon.sim.road import flat_road
+from dsz_daemon.sim.road import FLAT, constant_road
 from dsz_daemon.sim.scenario import (
-    Scenario,
     SimulatedDrive,
     drawn_errors,
     scenario_names,
     simulate,
     simulate_scenario,
 )
+from dsz_daemon.sim.vehicle import TwoTrackCar
 
 SHORT = Scenario(
     "a short drive for the tests",
     TUCSON,
-    flat_road,
+    FLAT,
     Programme(4.0, (SpeedChange(0.5, 3.0, 6.0),), (SineSteer(2.0, 0.5, 1, math.radians(60.0)),)),
 )
 Series = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -253,3 +255,34 @@ def test_missing_pyarrow_and_unwritable_folder_are_said(
     with pytest.raises(MachineError, match=r"pip install dsz-daemon\[desk\]"):
         write_scenario(short, tmp_path / "new")
     assert not (tmp_path / "new").exists()
+
+
+def test_the_second_experiment_is_the_papers() -> None:
+    """Section 6.3: more than 6 deg down from about 25 s on, nearly 6 deg of bank on the way, zeroing at 20.9 s."""
+    hill = SCENARIOS["bank_and_incline"]
+    columns = drive(TwoTrackCar(hill.car, hill.road), hill.programme)
+    time_s, grade = columns["time_s"], np.degrees(columns["road_grade_up_rad"])
+    bank = np.degrees(columns["road_bank_rad"])
+    assert time_s[np.argmax(grade < -6.0)] == pytest.approx(25.0, abs=0.2)
+    assert np.all(grade[(time_s > 25.5) & (time_s < 40.0)] == pytest.approx(-6.5))
+    assert bank.max() == pytest.approx(5.8)
+    assert np.all(grade[bank > 5.0] < -6.0)
+    assert time_s[np.argmax(columns["speed_mps"] > 8.0)] == pytest.approx(20.9, abs=0.1)
+    assert np.abs(columns["off_middle_m"]).max() < 0.5
+    # Gravity along the slope and across the bank, and with it the lean of a body on springs.
+    banked = (time_s > 31.0) & (time_s < 35.0)
+    down, aside = 9.80665 * math.sin(math.radians(-6.5)), 9.80665 * math.sin(math.radians(5.8))
+    assert 1.0 < columns["accel_x_mps2"][banked].mean() / down < 1.06
+    assert 1.1 < columns["accel_y_mps2"][banked].mean() / aside < 1.2
+    assert columns["speed_mps"][-1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_parked_car_stays_on_its_slope() -> None:
+    """Brakes hold like a spring: nothing creeps in half a minute on a grade of 20 % with a bank."""
+    standing = Programme(30.0, ())
+    columns = drive(TwoTrackCar(TUCSON, constant_road(0.05, 0.2)), standing)
+    assert abs(columns["distance_m"][-1]) < 0.05
+    assert np.abs(columns["speed_mps"][-5000:]).max() < 1e-4
+    # `pitch_rad` is all of the attitude: road and suspension.
+    assert columns["accel_x_mps2"][-1] == pytest.approx(-9.80665 * math.sin(columns["pitch_rad"][-1]), abs=1e-3)
+    assert columns["pitch_rad"][-1] < -0.2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,20 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from dsz_daemon.sim.car import TUCSON, Car
-from dsz_daemon.sim.road import Road, RoadPoint, constant_road, flat_road
+from dsz_daemon.sim.road import FLAT, Road, RoadPoint, constant_road, road_point, tabled_road
 from dsz_daemon.sim.tyres import tyre_force, tyres
-from dsz_daemon.sim.vehicle import (
-    Driver,
-    Inputs,
-    Motion,
-    State,
-    TwoTrackCar,
-    next_state,
-    rolling,
-    specific_force,
-)
+from dsz_daemon.sim.vehicle import Inputs, Motion, State, TwoTrackCar, rolling, specific_force
 
 G = 9.80665
+Driver = Callable[[float, float], Inputs]  # of time in s and speed in m/s
 Array = NDArray[np.float64]
 # Nothing that eats power while it rolls.
 FREE = replace(TUCSON, rolling_resistance=0.0, drag_area_m2=0.0)
@@ -35,10 +28,13 @@ def driven(
     vehicle, state = TwoTrackCar(car, road), start
     states, motions = [], []
     for i in range(round(duration_s / dt_s) + 1):
-        motion = vehicle.motion(state, driver(i * dt_s, state.forward_mps))
+        t_s, speed_mps = i * dt_s, state.forward_mps
+        motion = vehicle.motion(state, driver(t_s, speed_mps))
         states.append(state)
         motions.append(motion)
-        state = next_state(vehicle, driver, i * dt_s, state, dt_s, motion)
+        gained = motion.rates.forward_mps * dt_s
+        halfway, then = driver(t_s + dt_s / 2.0, speed_mps + gained / 2.0), driver(t_s + dt_s, speed_mps + gained)
+        state = vehicle.next_state(state, motion, halfway, then, dt_s)
     return states, motions
 
 
@@ -72,16 +68,27 @@ def hilly(distance_m: float) -> RoadPoint:
     )
 
 
+HILLY = tabled_road(200.0, lambda s: 0.10 * np.sin(s / 30.0), lambda s: 0.08 * np.cos(s / 40.0) - 0.08)
+
+
+def test_a_tabled_road_is_the_road_it_was_made_of_slopes_and_all() -> None:
+    for distance_m in np.linspace(0.5, 199.0, 777):
+        assert road_point(HILLY, float(distance_m)) == pytest.approx(hilly(float(distance_m)), abs=3e-8)
+    assert road_point(HILLY, -5.0) == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-12)
+    last = hilly(200.0)
+    assert road_point(HILLY, 300.0) == pytest.approx((last[0], last[1], 0.0, 0.0), abs=1e-12)
+
+
 def test_standing_on_level_ground_feels_g_upwards_and_nothing_else() -> None:
-    motion = TwoTrackCar(TUCSON, flat_road).motion(rolling(TUCSON), Inputs())
-    assert motion.rates == pytest.approx([0.0] * 23, abs=1e-9)
+    motion = TwoTrackCar(TUCSON, FLAT).motion(rolling(TUCSON), Inputs())
+    assert motion.rates == pytest.approx([0.0] * 29, abs=1e-9)
     assert specific_force(rolling(TUCSON), motion, (0.4, 0.1, -0.1)) == pytest.approx((0.0, 0.0, G), abs=1e-9)
 
 
 @pytest.mark.parametrize("speed_mps", [8.0, 18.0, 30.0])
 def test_small_steady_turn_is_the_single_track_models(speed_mps: float) -> None:
     steer_rad = 0.002
-    states, _ = driven(FREE, flat_road, lambda _t, _v: Inputs(steer_rad), rolling(FREE, speed_mps), 4.0)
+    states, _ = driven(FREE, FLAT, lambda _t, _v: Inputs(steer_rad), rolling(FREE, speed_mps), 4.0)
     last = states[-1]
     lf, lr, v = 1.149, 1.491, last.forward_mps
     wheelbase = lf + lr
@@ -96,7 +103,7 @@ def test_small_steady_turn_is_the_single_track_models(speed_mps: float) -> None:
 
 def test_turning_left_lifts_the_left_side_by_the_springs_balance_and_gravity_is_felt_with_it() -> None:
     driver: Driver = lambda _t, v: Inputs(0.01, front_drive_nm=800.0 * (15.0 - v))  # noqa: E731
-    states, motions = driven(TUCSON, flat_road, driver, rolling(TUCSON, 15.0), 5.0)
+    states, motions = driven(TUCSON, FLAT, driver, rolling(TUCSON, 15.0), 5.0)
     last, motion = states[-1], motions[-1]
     ay = last.yaw_rate_radps * motion.pose.along_mps
     roll_stiffness = (30000.0 * 1.585**2 + 32000.0 * 1.586**2) / 2.0 + 24000.0 + 12000.0
@@ -111,7 +118,7 @@ def test_turning_left_lifts_the_left_side_by_the_springs_balance_and_gravity_is_
 
 
 def test_free_rear_wheels_roll_at_the_speed_of_their_place_in_the_turn() -> None:
-    states, _ = driven(FREE, flat_road, lambda _t, _v: Inputs(0.03), rolling(FREE, 8.0), 3.0)
+    states, _ = driven(FREE, FLAT, lambda _t, _v: Inputs(0.03), rolling(FREE, 8.0), 3.0)
     last = states[-1]
     assert last.yaw_rate_radps > 0.05
     left, right = last.spin_rl_radps * 0.340, last.spin_rr_radps * 0.340
@@ -121,7 +128,7 @@ def test_free_rear_wheels_roll_at_the_speed_of_their_place_in_the_turn() -> None
 
 def test_lever_arm_ahead_feels_the_centripetal_pull_backwards() -> None:
     driver: Driver = lambda _t, v: Inputs(0.03, front_drive_nm=800.0 * (12.0 - v))  # noqa: E731
-    states, motions = driven(TUCSON, flat_road, driver, rolling(TUCSON, 12.0), 5.0)
+    states, motions = driven(TUCSON, FLAT, driver, rolling(TUCSON, 12.0), 5.0)
     centre = specific_force(states[-1], motions[-1], (0.0, 0.0, 0.0))
     ahead = specific_force(states[-1], motions[-1], (0.5, 0.0, 0.0))
     r = states[-1].yaw_rate_radps
@@ -134,7 +141,7 @@ def test_lever_arm_ahead_feels_the_centripetal_pull_backwards() -> None:
 def test_braking_dips_the_nose_and_loads_the_front_by_the_lever_of_the_cg() -> None:
     states, motions = driven(
         FREE,
-        flat_road,
+        FLAT,
         lambda _t, _v: Inputs(front_brake_nm=500.0, rear_brake_nm=250.0),
         rolling(FREE, 25.0),
         4.0,
@@ -176,7 +183,7 @@ def test_standing_on_a_bank_and_a_grade_reads_the_tilt() -> None:
     assert math.hypot(*felt) == pytest.approx(G, rel=1e-3)
 
 
-@pytest.mark.parametrize("road", [flat_road, hilly], ids=["flat", "hilly"])
+@pytest.mark.parametrize("road", [FLAT, HILLY], ids=["flat", "hilly"])
 def test_felt_force_and_rates_are_those_of_the_path_differentiated(road: Road) -> None:
     """The second route: only attitude and velocity, in the world, differentiated in time."""
 
@@ -189,7 +196,7 @@ def test_felt_force_and_rates_are_those_of_the_path_differentiated(road: Road) -
     dt_s = 0.001
     states, motions = driven(TUCSON, road, driver, rolling(TUCSON, 15.0), 3.5, dt_s)
 
-    turned = [world_from_body(s, road(s.distance_m)) for s in states]
+    turned = [world_from_body(s, road_point(road, s.distance_m)) for s in states]
     velocity = np.array([w @ (np.array(s[:3]) + np.cross(s[3:6], place)) for s, w in zip(states, turned, strict=True)])
     largest = [0.0, 0.0]
     for i in range(300, len(states) - 1, 7):
@@ -207,7 +214,7 @@ def test_felt_force_and_rates_are_those_of_the_path_differentiated(road: Road) -
 
 def test_the_cg_keeps_its_distance_over_a_hilly_road() -> None:
     states, motions = driven(
-        TUCSON, hilly, lambda _t, v: Inputs(front_drive_nm=900 * (15 - v)), rolling(TUCSON, 15.0), 8
+        TUCSON, HILLY, lambda _t, v: Inputs(front_drive_nm=900 * (15 - v)), rolling(TUCSON, 15.0), 8
     )
     assert max(abs(s.height_m - 0.66) for s in states) < 0.02
     rise = np.trapezoid(
@@ -259,7 +266,7 @@ def test_bouncing_without_dampers_and_grip_keeps_energy_and_momentum() -> None:
     start = rolling(car, 20.0)._replace(
         roll_rad=0.04, pitch_rad=0.02, height_m=0.68, roll_rate_radps=0.1, yaw_rate_radps=0.4, left_mps=1.0
     )
-    states, _ = driven(car, flat_road, lambda _t, _v: Inputs(), start, 3.0, 0.001)
+    states, _ = driven(car, FLAT, lambda _t, _v: Inputs(), start, 3.0, 0.001)
     energy = [kinetic_j(s, car) + potential_j(s, car) for s in states]
     swing = [potential_j(s, car) for s in states]
     assert max(swing) - min(swing) > 50.0
@@ -274,11 +281,29 @@ def test_power_balance_of_a_sliding_driven_car() -> None:
     car = TUCSON
     rng = np.random.default_rng(1)
     for _ in range(20):
-        noise = rng.normal(size=23)
-        scale = [2, 0.5, 0.2, 0.3, 0.2, 0.5, 0.03, 0.02, 0.3, 0.01, 1, *[1.0] * 4, *[0.01] * 4, *[0.05] * 4]
+        noise = rng.normal(size=29)
+        scale = [
+            2,
+            0.5,
+            0.2,
+            0.3,
+            0.2,
+            0.5,
+            0.03,
+            0.02,
+            0.3,
+            0.01,
+            1,
+            *[1.0] * 4,
+            *[0.01] * 4,
+            *[0.05] * 4,
+            *[0.3] * 4,
+            0.0,
+            0.0,
+        ]
         state = State._make(np.array(rolling(car, 15.0)) + noise * np.array(scale))
         inputs = Inputs(float(noise[0]) * 0.05, 500.0 * abs(float(noise[1])), 300.0 * abs(float(noise[2])), 200.0)
-        motion = TwoTrackCar(car, flat_road).motion(state, inputs)
+        motion = TwoTrackCar(car, FLAT).motion(state, inputs)
         step = 1e-6
 
         def at(by_s: float, state: State = state, motion: Motion = motion) -> float:
@@ -307,11 +332,11 @@ def power_w(state: State, inputs: Inputs, motion: Motion, car: Car) -> float:
         aside = -hub[0] * math.sin(steer) + ground[1] * math.cos(steer)
         spin, load = state[11 + i], motion.loads_n[i]
         fx, fy = tyre_force(tyres(car)[i // 2], state[15 + i], state[19 + i], load)
-        sense = math.tanh(spin)
+        windup = state[23 + i] + 0.03 * (spin - abs(spin) * state[23 + i]) / max(0.02, 0.002 * abs(spin))
         brake = inputs.front_brake_nm if i < 2 else inputs.rear_brake_nm
-        shaft = (inputs.front_drive_nm if i < 2 else 0.0) - brake * sense
+        shaft = (inputs.front_drive_nm if i < 2 else 0.0) - brake * windup
         total += fx * (ahead - spin * radius) + fy * aside
-        total += shaft * (spin - turn[1]) - 0.012 * load * radius * sense * spin
+        total += shaft * (spin - turn[1]) - 0.012 * load * radius * math.tanh(spin) * spin
     return total
 
 

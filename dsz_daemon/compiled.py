@@ -1,0 +1,75 @@
+"""One source of an equation: compiled where numba is installed, plain Python where it is not.
+
+Compiled functions call each other, so that all of them are written in what both understand: floats, tuples, named
+tuples and arrays, no methods, nothing kept. NUMBA_DISABLE_JIT=1 gives the plain ones where numba is installed, too.
+
+Numba keeps what it compiled, but looks only at the file of the function itself, not at those it calls: a mended
+equation would live on in its callers. So the kept ones have a folder by what all the sources say.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+F = TypeVar("F", bound=Callable[..., object])
+
+_PACKAGE = Path(__file__).parent
+# What compiled functions are made of, constants included.
+_SOURCES = ("sim/*.py", "signals.py", "compiled.py")
+_PREFIX = "compiled-"
+
+
+def _compiler() -> Any:
+    """Numba where it is installed and not told to keep out."""
+    try:
+        found: Any = importlib.import_module("numba")
+    except ImportError:
+        return None
+    return None if found.config.DISABLE_JIT else found
+
+
+numba = _compiler()
+IS_COMPILED = numba is not None
+
+
+def _kept_in() -> Path | None:
+    """The first folder that may be written; what older sources left in it is taken away."""
+    content = hashlib.sha256()
+    for pattern in _SOURCES:
+        for source in sorted(_PACKAGE.glob(pattern)):
+            content.update(source.read_bytes())
+    name = _PREFIX + content.hexdigest()[:16]
+    # Not in a folder that others may write: what is kept is loaded as code.
+    for place in (_PACKAGE / "__pycache__", Path("~/.cache/dsz-daemon")):
+        try:
+            folder = place.expanduser() / name
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / ".used").touch()
+        except (OSError, RuntimeError):
+            continue
+        for old in folder.parent.glob(_PREFIX + "*"):
+            if old != folder:
+                shutil.rmtree(old, ignore_errors=True)
+        return folder
+    return None
+
+
+_KEPT_IN = _kept_in() if IS_COMPILED else None
+
+
+def compiled(function: F) -> F:
+    """Compiles the function at its first call, for this and later processes; without numba, leaves it as it is."""
+    if not IS_COMPILED:
+        return function
+    if _KEPT_IN is None:
+        return cast(F, numba.njit(function))
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_KEPT_IN)
+    try:
+        return cast(F, numba.njit(cache=True)(function))
+    finally:
+        numba.config.CACHE_DIR = before
