@@ -19,6 +19,7 @@ from dsz_daemon.report.page import write_report
 from dsz_daemon.runs.setup import Setup
 from dsz_daemon.runs.summary import write_json
 from dsz_daemon.runs.truth import errors_against_truth
+from dsz_daemon.signals import IMU_CHANNELS
 
 RESULT_NAMES = ("samples.parquet", "compensated.log", "summary.json", "report.html")
 
@@ -46,6 +47,8 @@ class ResultFiles:
                 (folder / name).unlink(missing_ok=True)
             except OSError as error:
                 raise MachineError(f"{folder / name}: can't be replaced: {error.strerror or error}") from error
+        tuning = setup.settings.estimator.tuning()
+        self._goals = {name: getattr(tuning, name).goal_std for name in IMU_CHANNELS}
         self._samples = SamplesWriter(folder / "samples.parquet", setup.channels, sorted(setup.roles))
         self._log = CandumpWriter(folder / "compensated.log")
         self._stack = ExitStack()
@@ -72,6 +75,6 @@ class ResultFiles:
         """Writes summary and report, after the `with` block has closed the rows' files."""
         samples = read_samples(self.folder / "samples.parquet")
         if truth is not None:
-            summary["truth"] = errors_against_truth(samples, truth)
+            summary["truth"] = errors_against_truth(samples, truth, self._goals)
         write_json(summary, self.folder / "summary.json")
         write_report(samples, summary, self.folder / "report.html", truth, title)

@@ -53,7 +53,7 @@ def print_run(summary: dict[str, Any], folder: Path | None) -> None:
     table.add_column("unit")
     heads = ["offset", "+- (95 %)"]
     if truth:
-        heads += ["true offset", "error", "RMS raw", "RMS compensated"]
+        heads += ["true", "error", "in band", "good from", "RMS raw", "RMS comp."]
     if references:
         heads += ["raw - other", "ours - other"]
     for head in heads:
@@ -69,6 +69,7 @@ def print_run(summary: dict[str, Any], folder: Path | None) -> None:
         if truth:
             known = truth.get(name, {})
             cells += [show(known.get("true_offset")), show(known.get("offset_error"))]
+            cells += [_share(known.get("coverage_95")), _seconds(known.get("within_goal_from_s"))]
             cells += [show(known.get(key)).lstrip("+") for key in ("rms_error_raw", "rms_error_compensated")]
         if references:
             other = references.get(name)
@@ -87,6 +88,16 @@ def print_run(summary: dict[str, Any], folder: Path | None) -> None:
     print_warnings(summary["warnings"], summary["notes"], to_stdout=True)
     if folder is not None:
         print(f"report: {folder / 'report.html'}")
+
+
+def _share(value: float | None) -> str:
+    """How much of the drive the 95 % band held the truth."""
+    return "-" if value is None else f"{100.0 * value:.0f} %"
+
+
+def _seconds(value: float | None) -> str:
+    """From when on the error stayed within the goal."""
+    return "-" if value is None else f"{value:.0f} s"
 
 
 def _twice(std: float | None) -> float | None:

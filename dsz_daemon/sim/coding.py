@@ -140,8 +140,8 @@ def _wheel_series(columns: Columns, wheel_radii_m: WheelRadii, errors: SensorErr
     else:
         pitches = [pitch_m(radius_m, ring.poles) for radius_m in wheel_radii_m]
         counted = (
-            counted_speed_mps(edge_times_s(columns["time_s"], columns[name], pitch, start), pitch, at_s)
-            for name, pitch, start in zip(names, pitches, ring.starts, strict=True)
+            counted_speed_mps(edge_times_s(columns["time_s"], columns[name], pitch, start, off), pitch, at_s)
+            for name, pitch, start, off in zip(names, pitches, ring.starts, ring.off_pitches, strict=True)
         )
         speeds = np.column_stack(list(counted))
     counts = wheel_speed_counts(speeds)

@@ -41,6 +41,8 @@ ALIGNMENT_MOST_RAD = math.radians(1.0)
 GYRO_NOISE_GAIN_MOST = 0.06 / 0.03  # cold to hot
 ACCEL_NOISE_GAIN_MOST = 3.0 / 1.0  # its output noise, most over typical
 
+# Chosen: magnetised encoder rings are good to one or two per cent of a pitch, milled ones to less.
+POLE_PITCH_ERROR_STD = 0.01
 # The tables are silent on the rest. Chosen: of the size that parts of this class have.
 MOUNTING_MOST_RAD = math.radians(2.0)
 PLACE_LEAST_M, PLACE_MOST_M = (-0.8, -0.4, -0.4), (0.8, 0.4, 0.2)  # floor, tunnel, under a seat
@@ -73,6 +75,7 @@ _PURPOSES = (
     "converter",
     "delay",
     "steering",
+    "pole pitch",
 )
 _Streams = dict[str, np.random.Generator]
 
@@ -145,6 +148,8 @@ def _calibrated(rng: np.random.Generator, streams: _Streams) -> SensorErrors:
     gyro_scale, gyro_cross = _residual_sensitivity(rng)
     accel_scale, accel_cross = _residual_sensitivity(rng)
     fl, fr, rl, rr = (float(x) for x in streams["pole ring"].random(4))
+    perfect = PoleRing(starts=(fl, fr, rl, rr))
+    off = (POLE_PITCH_ERROR_STD * streams["pole pitch"].normal(size=(4, perfect.poles))).tolist()
     return SensorErrors(
         gyro,
         accel,
@@ -152,7 +157,7 @@ def _calibrated(rng: np.random.Generator, streams: _Streams) -> SensorErrors:
         accel_scale=accel_scale,
         gyro_cross_axis=gyro_cross,
         accel_cross_axis=accel_cross,
-        pole_ring=PoleRing(starts=(fl, fr, rl, rr)),
+        pole_ring=perfect._replace(off_pitches=tuple(tuple(wheel) for wheel in off)),
     )
 
 

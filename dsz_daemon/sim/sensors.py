@@ -91,11 +91,13 @@ class PoleRing(NamedTuple):
     """A toothed ring in each wheel: `poles` edges a turn; `starts` is each wheel's, in poles.
 
     `starts` (front left, front right, rear left, rear right) tells how far it has turned past
-    the last edge when the drive begins, 0 to 1.
+    the last edge when the drive begins, 0 to 1. `off_pitches`: how far each wheel's edges are
+    from their places, in pitches; empty: a perfect ring.
     """
 
     poles: int = 48
     starts: tuple[float, float, float, float] = (0.5, 0.5, 0.5, 0.5)
+    off_pitches: tuple[tuple[float, ...], ...] = ((), (), (), ())
 
 
 NO_CROSS_AXIS, STRAIGHT, EVEN_WARM, ON_TIME = CrossAxis(), Angles(), WarmUp(), Clocks()

@@ -31,11 +31,14 @@ def wheel_speed_counts(speed_mps: Array) -> Counts:
     return np.where(kmh < WHEEL_SILENT_BELOW_KMH, 0, quanta)
 
 
-def edge_times_s(time_s: Array, rim_speed_mps: Array, pitch_m: float, start: float) -> Array:
+def edge_times_s(
+    time_s: Array, rim_speed_mps: Array, pitch_m: float, start: float, off_pitches: tuple[float, ...] = ()
+) -> Array:
     """Return when an edge passes the sensor, forward or backward, in time order.
 
     `rim_speed_mps` (signed) on the times `time_s`; `pitch_m` of rim lie between two edges, and
-    at the first time the ring stands `start` (0 to 1) of it past one.
+    at the first time the ring stands `start` (0 to 1) of it past one. `off_pitches`: how far each
+    edge of the ring is from its place, in pitches (where the wheel turns fast enough to be heard).
     """
     dt_s = np.diff(time_s)
     way_m = np.cumsum(0.5 * (rim_speed_mps[1:] + rim_speed_mps[:-1]) * dt_s)
@@ -46,6 +49,10 @@ def edge_times_s(time_s: Array, rim_speed_mps: Array, pitch_m: float, start: flo
     step = np.repeat(np.arange(len(passed)), passed)
     nth = np.arange(len(step)) - np.repeat(np.cumsum(passed) - passed, passed)
     edge = np.where(after[step] > before[step], last[step] + 1.0 + nth, last[step] - nth)
+    if off_pitches:
+        heard = np.abs(after[step] - before[step]) * pitch_m > WHEEL_SILENT_BELOW_KMH / 3.6 * dt_s[step]
+        number = np.mod(edge, len(off_pitches)).astype(np.int64)
+        edge = edge + np.where(heard, np.array(off_pitches)[number], 0.0)
     return np.asarray(time_s[step] + dt_s[step] * (edge - before[step]) / (after[step] - before[step]))
 
 

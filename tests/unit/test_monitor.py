@@ -285,12 +285,15 @@ def test_in_a_pipe_it_prints_a_line_a_channel(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        head = process.stdout.readline()
-        assert process.stderr.readline().startswith(f"dsz: waiting: no daemon at {path}")
-        with FakeDaemon(path):
-            lines = [process.stdout.readline().split() for _ in range(12)]
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=30.0)
+        try:
+            head = process.stdout.readline()
+            assert process.stderr.readline().startswith(f"dsz: waiting: no daemon at {path}")
+            with FakeDaemon(path):
+                lines = [process.stdout.readline().split() for _ in range(12)]
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=30.0)
+        finally:
+            process.kill()
     assert process.returncode == 0
     assert "Traceback" not in errors
     names = head.removeprefix("#").split()

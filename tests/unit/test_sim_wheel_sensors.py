@@ -124,3 +124,18 @@ def test_below_a_walking_pace_it_is_silent() -> None:
     counts = wheel_speed_counts(counted_speed_mps(edge_times_s(t, stopping, PITCH_M, 0.5), PITCH_M, AT_S))
     assert counts[(AT_S > 0.03) & (AT_S < 0.8)].min() > 0
     assert not counts[AT_S > 1.2].any()
+
+
+def test_edges_off_their_places_come_as_much_sooner_or_later() -> None:
+    """Four edges, one of them a tenth of a pitch ahead on the ring: it comes a tenth of a pitch later, every turn."""
+    t = np.arange(0.0, 1.0, 0.002)
+    speed = np.full(len(t), 10.0)
+    even = edge_times_s(t, speed, PITCH_M, 0.5)
+    off = edge_times_s(t, speed, PITCH_M, 0.5, (0.0, 0.1, 0.0, 0.0))
+    late = (off - even) * 10.0 / PITCH_M
+    assert late[:8] == pytest.approx([0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0], abs=1e-9)
+    # And so a steady speed is read with a ripple that comes again with each turn.
+    at = np.arange(0.1, 1.0, 0.02)
+    assert np.ptp(counted_speed_mps(even, PITCH_M, at)) < 0.02
+    assert np.ptp(counted_speed_mps(off, PITCH_M, at)) > 0.05
+    assert counted_speed_mps(off, PITCH_M, at).mean() == pytest.approx(10.0, rel=2e-3)
