@@ -75,7 +75,9 @@ def _parser() -> argparse.ArgumentParser:
         help="a simulated drive: recording, configuration, DBC, truth",
         description="Writes recording.log, its config.yaml and DBC, and truth.parquet.",
     )
-    simulate.add_argument("scenario", metavar="SCENARIO", help="e.g. sine_steer")
+    simulate.add_argument(
+        "scenario", metavar="SCENARIO", help="sine_steer, bank_and_incline, city, highway, ... (a wrong name lists all)"
+    )
     simulate.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="where the files go")
     simulate.add_argument("--seed", type=int, default=1, help="same seed, same bytes (default 1)")
     _json(simulate)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dsz_daemon.sim import journeys
 from dsz_daemon.sim.car import TUCSON, Car
 from dsz_daemon.sim.driver import Programme, SineSteer, SpeedChange
+from dsz_daemon.sim.journey import COMFORTABLE_MPS2, Leg, programme_along, road_along
 from dsz_daemon.sim.road import FLAT, Profile, Road, tabled_road
 
 Array = NDArray[np.float64]
@@ -23,6 +26,7 @@ class Scenario:
     car: Car
     road: Road
     programme: Programme
+    start_mps: float = 0.0
 
 
 def _sine(start_s: float, frequency_hz: float, periods: int, amplitude_deg: float) -> SineSteer:
@@ -80,6 +84,21 @@ def _hill() -> Road:
     )
 
 
+def _journey(
+    legs: Callable[[], list[Leg]],
+    stand_s: float = 5.0,
+    start_mps: float = 0.0,
+    grip: float = 1.0,
+    comfortable_mps2: float = COMFORTABLE_MPS2,
+) -> Scenario:
+    """A scenario from its legs; the legs' docstring says what it is."""
+    course = None if grip == 1.0 else lambda t_s: np.full(len(t_s), grip)
+    found = legs()
+    meaning = " ".join((legs.__doc__ or "").split()).rstrip(".")
+    programme = programme_along(found, stand_s, start_mps, course, comfortable_mps2)
+    return Scenario(meaning[0].lower() + meaning[1:], TUCSON, road_along(found), programme, start_mps)
+
+
 SCENARIOS = {
     "sine_steer": Scenario(
         "sine steers on flat, dry asphalt from a standstill (the paper's first experiment)",
@@ -93,4 +112,14 @@ SCENARIOS = {
         _hill(),
         _HILL_DRIVE,
     ),
+    "city": _journey(journeys.city),
+    "highway": _journey(journeys.highway),
+    "mountain": _journey(journeys.mountain),
+    "car_park": _journey(journeys.car_park),
+    "crowned_road": _journey(journeys.crowned_road),
+    "roundabouts": _journey(journeys.roundabouts),
+    "off_ramp": _journey(journeys.off_ramp, 0.0, 30.0),
+    "parking_slope": _journey(journeys.parking_slope, 60.0),
+    "constant_bank": _journey(journeys.constant_bank),
+    "snow": _journey(journeys.snow, grip=0.3, comfortable_mps2=0.8),
 }

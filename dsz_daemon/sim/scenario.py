@@ -19,7 +19,7 @@ from dsz_daemon.sim.drive import ROW_S, Columns, drive
 from dsz_daemon.sim.imu import offset_columns
 from dsz_daemon.sim.sensor_draws import draw_errors
 from dsz_daemon.sim.sensors import SensorErrors
-from dsz_daemon.sim.vehicle import TwoTrackCar
+from dsz_daemon.sim.vehicle import TwoTrackCar, rolling
 
 TRUTH_PERIOD_S = 0.01
 
@@ -80,7 +80,8 @@ def simulate_scenario(
     if errors.imu_place_m is not None:
         x_m, y_m, z_m = errors.imu_place_m
         car = replace(car, imu_x_m=x_m, imu_y_m=y_m, imu_z_m=z_m)
-    columns = drive(TwoTrackCar(car, scenario.road), programme, progress=progress)
+    start = rolling(car, scenario.start_mps) if scenario.start_mps > 0.0 else None
+    columns = drive(TwoTrackCar(car, scenario.road), programme, start=start, progress=progress)
     front_m, rear_m = car.front_wheel_radius_m, car.rear_wheel_radius_m
     radii_m = (front_m, front_m, rear_m, rear_m)
     frames = can_frames(columns, car.steering_ratio, radii_m, errors, _generator(seed, 1))

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -107,9 +108,12 @@ def told(seen: Watched, duration_s: float) -> str:
     """What was seen, in words."""
     line, last = seen.memory, seen.last
     error_kib = 3 * line.error_bytes_per_hour * duration_s / 3600 / 1024
+    quarters = [seen.rss[(len(seen.rss) - 1) * i // 4][1] for i in range(5)]
+    grown = ", ".join(f"{(b - a) / 1024:+.0f}" for a, b in pairwise(quarters))
     words = [
         f"{duration_s:g} s: RSS {seen.rss[0][1] / 2**20:.2f} -> {seen.rss[-1][1] / 2**20:.2f} MiB; "
         f"after the first quarter {line.growth_bytes / 1024:+.0f} KiB (+- {error_kib:.0f})",
+        f"by quarters {grown} KiB",
         f"{last['rows']} rows, {last['missed_ticks']} ticks missed, {last['timer_overruns']} timer overruns",
         *(f"FAILED {fault}" for fault in seen.faults),
     ]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections import deque
 from pathlib import Path
 
 from dsz_daemon.edge.realtime import calm_collector
@@ -25,7 +26,7 @@ from dsz_daemon.runs.summary import finite
 def main(config: str, out: str, status: str) -> None:
     setup = set_up(Path(config), ["can0=socketcan:vcan0", *_others(config)], live=True)
     with Service(Paths(status=Path(status))) as service:
-        late: list[list[int]] = []
+        late: deque[list[int]] = deque(maxlen=1000)
 
         def look(row: Row) -> None:
             now_ns = time.time_ns()
@@ -35,7 +36,7 @@ def main(config: str, out: str, status: str) -> None:
         live = Live(setup, LiveOptions(on_ready=Path(out, "ready").touch, on_row=look), service)
         calm_collector()
         summary = live.run()
-    summary["live"]["missed_rows"] = late
+    summary["live"]["missed_rows"] = list(late)
     summary["live"]["lateness_us"]["bins"] = live.facts().lateness.bins()
     Path(out, "summary.json").write_text(json.dumps(finite(summary)))
 
