@@ -144,6 +144,8 @@ def run_chunk(target: Target, seed: int, chunk: int, inputs: int, failures: Path
                 result.failures.append(_saved(session, target, error, failures))
                 if target.one is None:
                     break
+        # What is left is ours, and no input's.
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         gc.collect()
         session.rss.append((session.inputs, rss_bytes()))
         result.cpu_s = time.process_time() - began_s
