@@ -14,15 +14,17 @@ Address = tuple[str, int, bool]
 _LATE_NS = 1_000_000_000
 
 
-def binned(number: int) -> int:
-    """A number rounded to three digits, for histograms that must not grow for as long as a daemon runs.
+def binned(number: int, digits: int = 3) -> int:
+    """A number rounded to so many digits, for histograms that must not grow for as long as a daemon runs.
 
     >>> [binned(n) for n in (0, 999, 1004, 1006, 123_456)]
     [0, 999, 1000, 1010, 123000]
+    >>> [binned(n, 2) for n in (99, 104, 106)]
+    [99, 100, 110]
     """
-    if number < 1000:
+    if number < 10**digits:
         return number
-    step: int = 10 ** (len(str(number)) - 3)
+    step: int = 10 ** (len(str(number)) - digits)
     return round(number / step) * step
 
 

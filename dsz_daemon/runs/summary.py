@@ -75,7 +75,8 @@ class RunSummary:
         for name, channel in self._channels.items():
             self._add_channel(name, channel, row)
         for role, age_s in row.ages_s.items():
-            self._ages_ms.setdefault(role, Counter())[binned(round(age_s * 1000.0))] += 1
+            # Two digits: some hundred bins a role, which a daemon has seen within minutes.
+            self._ages_ms.setdefault(role, Counter())[binned(round(age_s * 1000.0), 2)] += 1
             if before_s.get(role, 0.0) > max(age_s, self._longest_age_s.get(role, 0.0)):
                 self._longest_age_s[role] = before_s[role]
 
