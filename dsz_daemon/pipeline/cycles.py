@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 
 from dsz_daemon.pipeline.frames import Frame
+from dsz_daemon.pipeline.histogram import Histogram
 
 Address = tuple[str, int, bool]
 
@@ -14,33 +14,19 @@ Address = tuple[str, int, bool]
 _LATE_NS = 1_000_000_000
 
 
-def binned(number: int, digits: int = 3) -> int:
-    """A number rounded to so many digits, for histograms that must not grow for as long as a daemon runs.
-
-    >>> [binned(n) for n in (0, 999, 1004, 1006, 123_456)]
-    [0, 999, 1000, 1010, 123000]
-    >>> [binned(n, 2) for n in (99, 104, 106)]
-    [99, 100, 110]
-    """
-    if number < 10**digits:
-        return number
-    step: int = 10 ** (len(str(number)) - digits)
-    return round(number / step) * step
-
-
 @dataclass
 class _Gaps:
     last_ns: int
     before_ns: int | None = None
     frames: int = 1
-    # Gap lengths in 0.1 ms (cycles are milliseconds, jitter is a fraction of one), longer ones `binned`.
-    gaps: Counter[int] = field(default_factory=Counter)
+    # Gap lengths in 0.1 ms: cycles are milliseconds, jitter is a fraction of one.
+    gaps: Histogram = field(default_factory=Histogram)
     longest: int = 0
 
     def add(self, gap_ns: int) -> None:
         """One more gap."""
         length = round(gap_ns * 1e-5)
-        self.gaps[binned(length)] += 1
+        self.gaps.add(length)
         self.longest = max(self.longest, length)
 
 
@@ -105,17 +91,12 @@ def _take(gaps: _Gaps, t_ns: int) -> None:
 
 
 def _cycle(address: Address, gaps: _Gaps) -> Cycle | None:
-    total = sum(gaps.gaps.values())
-    if total < 20:
+    total, median = gaps.gaps.total, gaps.gaps.median()
+    if total < 20 or not median:
         return None
-    half, seen, median = total / 2.0, 0, 0
-    for length in sorted(gaps.gaps):
-        seen += gaps.gaps[length]
-        if seen >= half:
-            median = length
-            break
-    near = sum(n for length, n in gaps.gaps.items() if abs(length - median) <= 0.5 * median)
-    if median == 0 or near < 0.6 * total:
+    lengths = gaps.gaps.items()
+    near = sum(n for length, n in lengths if abs(length - median) <= 0.5 * median)
+    if near < 0.6 * total:
         return None
-    missing = sum(n * (round(length / median) - 1) for length, n in gaps.gaps.items() if length > 1.5 * median)
+    missing = sum(n * (round(length / median) - 1) for length, n in lengths if length > 1.5 * median)
     return Cycle(address[0], address[1], gaps.frames, median * 1e-4, missing, gaps.longest * 1e-4)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from dsz_daemon.errors import MachineError
-from dsz_daemon.pipeline.cycles import Cycle, CycleWatch, binned
+from dsz_daemon.pipeline.cycles import Cycle, CycleWatch
 from dsz_daemon.pipeline.decode import DecodeCounters
+from dsz_daemon.pipeline.histogram import Histogram
 from dsz_daemon.pipeline.plausibility import Plausibility
 from dsz_daemon.pipeline.rows import Row
 from dsz_daemon.runs.setup import Setup, versions
@@ -54,7 +55,7 @@ class RunSummary:
     def __init__(self, setup: Setup, plausibility: Plausibility) -> None:
         self._setup, self._plausibility = setup, plausibility
         self._channels = {name: _Channel() for name in setup.channels}
-        self._ages_ms: dict[str, Counter[int]] = {}
+        self._ages_ms: dict[str, Histogram] = {}
         # The longest that each role was away and came back.
         self._longest_age_s: dict[str, float] = {}
         self.rows = 0
@@ -75,8 +76,10 @@ class RunSummary:
         for name, channel in self._channels.items():
             self._add_channel(name, channel, row)
         for role, age_s in row.ages_s.items():
-            # Two digits: some hundred bins a role, which a daemon has seen within minutes.
-            self._ages_ms.setdefault(role, Counter())[binned(round(age_s * 1000.0), 2)] += 1
+            ages_ms = self._ages_ms.get(role)
+            if ages_ms is None:
+                ages_ms = self._ages_ms[role] = Histogram(digits=2)
+            ages_ms.add(round(age_s * 1000.0))
             if before_s.get(role, 0.0) > max(age_s, self._longest_age_s.get(role, 0.0)):
                 self._longest_age_s[role] = before_s[role]
 
@@ -191,7 +194,7 @@ class RunSummary:
             "warnings": [*setup.checked.warnings, *self._findings(decoded), *_lost(steady, bursts=True)],
             "notes": [*setup.checked.notes, *_lost(steady, bursts=False)],
             "cycles": [asdict(cycle) for cycle in all_cycles],
-            "median_age_s": {role: _median(ages) / 1000.0 for role, ages in self._ages_ms.items()},
+            "median_age_s": {role: (ages.median() or 0) / 1000.0 for role, ages in self._ages_ms.items()},
             "source": dict(source),
             "published": dict(published),
             "versions": versions(),
@@ -260,15 +263,6 @@ def _lost(cycles: list[Cycle], bursts: bool) -> list[str]:
         for cycle in cycles
         if cycle.missing_share > 0.01 and (cycle.longest_gap_s > _BURST_CYCLES * cycle.cycle_s) == bursts
     ]
-
-
-def _median(histogram: Counter[int]) -> float:
-    half, seen = sum(histogram.values()) / 2.0, 0
-    for value in sorted(histogram):
-        seen += histogram[value]
-        if seen >= half:
-            return float(value)
-    return math.nan
 
 
 def write_json(content: Mapping[str, Any], path: Path) -> None:

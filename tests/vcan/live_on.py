@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections import deque
+from array import array
 from pathlib import Path
 
 from dsz_daemon.edge.realtime import calm_collector
@@ -26,17 +26,21 @@ from dsz_daemon.runs.summary import finite
 def main(config: str, out: str, status: str) -> None:
     setup = set_up(Path(config), ["can0=socketcan:vcan0", *_others(config)], live=True)
     with Service(Paths(status=Path(status))) as service:
-        late: deque[list[int]] = deque(maxlen=1000)
+        # Its room is taken at once: this daemon's memory is watched.
+        late = array("q", bytes(16 * 1000))
+        count = 0
 
         def look(row: Row) -> None:
+            nonlocal count
             now_ns = time.time_ns()
             if now_ns - row.t_ns > 1e9 * (1.0 / setup.settings.loop.rate_hz + setup.settings.loop.guard_s):
-                late.append([row.t_ns, now_ns])
+                late[count % 2000], late[(count + 1) % 2000] = row.t_ns, now_ns
+                count += 2
 
         live = Live(setup, LiveOptions(on_ready=Path(out, "ready").touch, on_row=look), service)
         calm_collector()
         summary = live.run()
-    summary["live"]["missed_rows"] = list(late)
+    summary["live"]["missed_rows"] = [list(pair) for pair in zip(late[::2], late[1::2], strict=True) if pair[0]]
     summary["live"]["lateness_us"]["bins"] = live.facts().lateness.bins()
     Path(out, "summary.json").write_text(json.dumps(finite(summary)))
 
