@@ -88,11 +88,13 @@ def loads_n(axle: Axle, pose: Pose, rough_m: tuple[float, float, float, float]) 
 
 
 @compiled
-def side_force_n(axle: Axle, loads: tuple[float, float], left: WheelState, right: WheelState, grip: float) -> float:
+def side_force_n(
+    axle: Axle, loads: tuple[float, float], left: WheelState, right: WheelState, friction_limit: float
+) -> float:
     """Return the axle's lateral force as the slips stand, in the wheels' axes."""
     return (
-        tyre_force(axle.tyre, left[1], left[2], loads[0], grip)[1]
-        + tyre_force(axle.tyre, right[1], right[2], loads[1], grip)[1]
+        tyre_force(axle.tyre, left[1], left[2], loads[0], friction_limit)[1]
+        + tyre_force(axle.tyre, right[1], right[2], loads[1], friction_limit)[1]
     )
 
 
@@ -106,7 +108,7 @@ def axle_load(
     steer_rad: float,
     drive_nm: float,
     brake_nm: float,
-    grip: float,
+    friction_limit: float,
 ) -> AxleLoad:
     """Return the two wheels' resultant; both steer alike and share the torques (per wheel)."""
     tyre, x, y = axle.tyre, axle.ahead_m, axle.half_track_m
@@ -122,12 +124,12 @@ def axle_load(
     c, s = math.cos(steer_rad), math.sin(steer_rad)
     vx, vy = along + y * along_per_m, across + y * across_per_m
     fx, fy, left_rates, left_nm = wheel(
-        tyre, vx * c + vy * s, vy * c - vx * s, left, loads[0], drive_nm, brake_nm, grip
+        tyre, vx * c + vy * s, vy * c - vx * s, left, loads[0], drive_nm, brake_nm, friction_limit
     )
     left_ahead_n, left_aside_n = fx * c - fy * s, fx * s + fy * c
     vx, vy = along - y * along_per_m, across - y * across_per_m
     fx, fy, right_rates, right_nm = wheel(
-        tyre, vx * c + vy * s, vy * c - vx * s, right, loads[1], drive_nm, brake_nm, grip
+        tyre, vx * c + vy * s, vy * c - vx * s, right, loads[1], drive_nm, brake_nm, friction_limit
     )
     right_ahead_n, right_aside_n = fx * c - fy * s, fx * s + fy * c
     ahead, aside, up = left_ahead_n + right_ahead_n, left_aside_n + right_aside_n, loads[0] + loads[1]

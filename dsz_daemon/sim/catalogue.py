@@ -88,11 +88,11 @@ def _journey(
     legs: Callable[[], list[Leg]],
     stand_s: float = 5.0,
     start_mps: float = 0.0,
-    grip: float = 1.0,
+    friction: float | None = None,
     comfortable_mps2: float = COMFORTABLE_MPS2,
 ) -> Scenario:
     """A scenario from its legs; the legs' docstring says what it is."""
-    course = None if grip == 1.0 else lambda t_s: np.full(len(t_s), grip)
+    course = None if friction is None else lambda t_s: np.full(len(t_s), friction)
     found = legs()
     meaning = " ".join((legs.__doc__ or "").split()).rstrip(".")
     programme = programme_along(found, stand_s, start_mps, course, comfortable_mps2)
@@ -121,5 +121,5 @@ SCENARIOS = {
     "off_ramp": _journey(journeys.off_ramp, 0.0, 30.0),
     "parking_slope": _journey(journeys.parking_slope, 60.0),
     "constant_bank": _journey(journeys.constant_bank),
-    "snow": _journey(journeys.snow, grip=0.3, comfortable_mps2=0.8),
+    "snow": _journey(journeys.snow, friction=0.3, comfortable_mps2=0.8),
 }

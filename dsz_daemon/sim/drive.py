@@ -62,7 +62,7 @@ COLUMNS = (
     "distance_m",
     "off_middle_m",
     "side_wind_n",
-    "grip",
+    "friction",
 )
 
 
@@ -78,7 +78,7 @@ def drive(
     `start` is the car at rest where not given; `progress` is told the share done, 0 to 1.
     """
     described = plan(programme, step_s)
-    table = np.zeros((len(described.grip) // 2 // STEPS_A_ROW + 1, len(COLUMNS)))
+    table = np.zeros((len(described.friction_limit) // 2 // STEPS_A_ROW + 1, len(COLUMNS)))
     state = start if start is not None else rolling(car.car)
     place_m = (car.car.imu_x_m, car.car.imu_y_m, car.car.imu_z_m)
     front_m, rear_m = car.car.front_wheel_radius_m, car.car.rear_wheel_radius_m
@@ -119,14 +119,17 @@ def _driven(
 
     What the driver sees within a step is what the step's beginning lets expect.
     """
-    still, last = State(*STILL), (len(plan.grip) - 1) // 2
+    still, last = State(*STILL), (len(plan.friction_limit) - 1) // 2
     for row in range(len(table)):
         for substep in range(STEPS_A_ROW):
             step = first + row * STEPS_A_ROW + substep
             inputs, column_rad, wheel_rad = driver_inputs(hands, plan, road, 2 * step, state, still, 0.0, column_rad)
             now = car_motion(body, front, rear, road, state, inputs)
             if substep == 0:
-                _fill(table[row], step * step_s, road, state, inputs, now, place_m, radii_m, scales, slips, wheel_rad)
+                _fill(
+                    table[row], step * step_s, road, state, inputs, now, place_m, radii_m, scales, slips, wheel_rad,
+                    front.tyre.friction,
+                )  # fmt: skip
             if step >= last:
                 return state, column_rad
             halfway, _, _ = driver_inputs(hands, plan, road, 2 * step + 1, state, now.rates, 0.5 * step_s, column_rad)
@@ -151,6 +154,7 @@ def _fill(
     scales: Wheels,
     slips: bool,
     wheel_rad: float,
+    friction: float,
 ) -> None:
     """Fills one row in the order of `COLUMNS`."""
     stance = motion.pose
@@ -181,4 +185,4 @@ def _fill(
     row[21] = 2.0 * (inputs.front_brake_nm + inputs.rear_brake_nm)
     row[22] = wheel_rad
     row[23], row[24] = state.distance_m, state.off_middle_m
-    row[25], row[26] = inputs.side_wind_n, inputs.grip
+    row[25], row[26] = inputs.side_wind_n, min(friction, inputs.friction_limit)

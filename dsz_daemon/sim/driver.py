@@ -82,7 +82,7 @@ class Programme:
     steering: tuple[SineSteer, ...] = ()
     follows_road: bool = False
     side_wind_n: Course | None = None
-    grip: Course | None = None
+    friction_limit: Course | None = None
 
     def wanted(self, t_s: Times) -> tuple[Times, Times]:
         """Return wanted speed (m/s) and acceleration (m/s^2)."""
@@ -108,7 +108,7 @@ class Plan(NamedTuple):
     wanted_mps2: NDArray[np.float64]
     steering_wheel_rad: NDArray[np.float64]
     side_wind_n: NDArray[np.float64]
-    grip: NDArray[np.float64]
+    friction_limit: NDArray[np.float64]
 
 
 class Hands(NamedTuple):
@@ -139,8 +139,8 @@ def plan(programme: Programme, step_s: float) -> Plan:
     # Dust of the sum: the last piece ends a drive at a standstill.
     wanted_mps[wanted_mps < 1e-9] = 0.0
     wind = np.zeros(len(times)) if programme.side_wind_n is None else programme.side_wind_n(times)
-    grip = np.ones(len(times)) if programme.grip is None else programme.grip(times)
-    return Plan(wanted_mps, wanted_mps2, programme.steering_wheel_rad(times), wind, grip)
+    limit = np.full(len(times), math.inf) if programme.friction_limit is None else programme.friction_limit(times)
+    return Plan(wanted_mps, wanted_mps2, programme.steering_wheel_rad(times), wind, limit)
 
 
 def hands(programme: Programme, car: Car) -> Hands:
@@ -226,6 +226,6 @@ def driver_inputs(
         hold_nm + (1.0 - hands.front_brake_share) * brake_nm,
         (1.0 - hands.front_drive_share) * drive_nm,
         plan.side_wind_n[at],
-        plan.grip[at],
+        plan.friction_limit[at],
     )
     return inputs, column_rad, wheel_rad

@@ -58,7 +58,7 @@ def nominal(world: World) -> World:
     )
     errors = world.errors
     kept = SensorErrors(errors.gyro_offset_radps, errors.accel_offset_mps2, noisy=errors.noisy)
-    return World(car, FLAT, replace(world.programme, side_wind_n=None, grip=None), kept)
+    return World(car, FLAT, replace(world.programme, side_wind_n=None, friction_limit=None), kept)
 
 
 @dataclass(frozen=True)
@@ -239,12 +239,11 @@ def _diving(world: World, v: Values) -> World:
 
 def _slippery(world: World, v: Values) -> World:
     start_s, end_s, level = v["start_s"], v["end_s"], v["friction_coefficient"]
-    before = world.car.friction
 
-    def grip(t_s: Array) -> Array:
-        return np.where((t_s >= start_s) & (t_s < end_s), level / before, 1.0)
+    def limit(t_s: Array) -> Array:
+        return np.where((t_s >= start_s) & (t_s < end_s), level, math.inf)
 
-    return replace(world, programme=replace(world.programme, grip=grip))
+    return replace(world, programme=replace(world.programme, friction_limit=limit))
 
 
 def _loaded(world: World, v: Values) -> World:

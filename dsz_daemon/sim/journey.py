@@ -62,7 +62,7 @@ def programme_along(
     legs: Sequence[Leg],
     stand_s: float = 5.0,
     start_mps: float = 0.0,
-    grip: Callable[[Array], Array] | None = None,
+    friction_limit: Callable[[Array], Array] | None = None,
     comfortable_mps2: float = COMFORTABLE_MPS2,
 ) -> Programme:
     """Return the speeds of these legs over time: standing first (or rolling at `start_mps`), standing at the end.
@@ -96,4 +96,4 @@ def programme_along(
         if stops:
             change(0.0)
             t_s += leg.stop_s
-    return Programme(np.ceil(t_s + 2.0).item(), tuple(changes), follows_road=True, grip=grip)
+    return Programme(np.ceil(t_s + 2.0).item(), tuple(changes), follows_road=True, friction_limit=friction_limit)

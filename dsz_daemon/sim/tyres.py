@@ -83,11 +83,11 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
 
 @compiled
 def tyre_force(
-    tyre: Tyre, longitudinal_slip: float, lateral_slip: float, load_n: float, grip: float = 1.0
+    tyre: Tyre, longitudinal_slip: float, lateral_slip: float, load_n: float, friction_limit: float = math.inf
 ) -> tuple[float, float]:
     """Return the force (forward, left) in the wheel's axes, N.
 
-    `grip` is the surface's share of the tyre's own friction.
+    `friction_limit` is the surface's, where that is less than the tyre's own friction.
     `lateral_slip` is minus the tangent of the slip angle: positive slips make positive forces.
     """
     if load_n <= 0.0:
@@ -96,7 +96,7 @@ def tyre_force(
     stiffening = 1.0 + tyre.load_sensitivity * (ratio * (1.0 - tyre.load_degression * (ratio - 1.0)) - 1.0)
     force_x = tyre.slip_stiffness_n * stiffening * longitudinal_slip
     force_y = tyre.cornering_stiffness_n_per_rad * stiffening * lateral_slip
-    demand = math.sqrt(force_x * force_x + force_y * force_y) / (grip * tyre.friction * load_n)
+    demand = math.sqrt(force_x * force_x + force_y * force_y) / (min(tyre.friction, friction_limit) * load_n)
     if demand < 1e-6:
         return force_x, force_y
     # Slope 1 at zero and peak 1: B C = 1 and D = 1 of the formula in this scaling.
@@ -113,7 +113,7 @@ def wheel(
     load_n: float,
     drive_nm: float,
     brake_nm: float,
-    grip: float,
+    friction_limit: float,
 ) -> tuple[float, float, tuple[float, float, float, float], float]:
     """Return force forward and left (N), the rates of the wheel's state, and the shaft torque.
 
@@ -129,7 +129,7 @@ def wheel(
         fading = 0.5 * (1.0 + math.cos(math.pi * speed_mps / DAMPED_BELOW_MPS))
         kappa += fading * tyre.longitudinal_damping_s_per_m * creep_mps
         slip -= fading * tyre.lateral_damping_s_per_m * left_mps
-    force_x, force_y = tyre_force(tyre, kappa, slip, load_n, grip)
+    force_x, force_y = tyre_force(tyre, kappa, slip, load_n, friction_limit)
     winding_rad = max(BRAKE_WINDUP_RAD, abs(spin_radps) * FASTEST_S)
     windup_per_s = (spin_radps - abs(spin_radps) * windup) / winding_rad
     shaft_nm = drive_nm - brake_nm * (windup + BRAKE_DAMPING_S * windup_per_s)

@@ -10,6 +10,7 @@ State and rates are plain tuples that no function keeps: the same source is comp
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from dsz_daemon.compiled import compiled
@@ -59,7 +60,7 @@ class State(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What driver and surroundings do; torques are per wheel, `grip` is the road's share of the tyres' friction."""
+    """What driver and surroundings do; torques are per wheel, `friction_limit` is the road's own."""
 
     road_wheel_angle_rad: float = 0.0
     front_drive_nm: float = 0.0
@@ -67,7 +68,7 @@ class Inputs(NamedTuple):
     rear_brake_nm: float = 0.0
     rear_drive_nm: float = 0.0
     side_wind_n: float = 0.0
-    grip: float = 1.0
+    friction_limit: float = math.inf
 
 
 class Body(NamedTuple):
@@ -139,7 +140,7 @@ def specific_force(state: State, motion: Motion, place_m: Vector) -> Vector:
 @compiled
 def car_motion(body: Body, front: Axle, rear: Axle, road: Road, state: State, inputs: Inputs) -> Motion:
     """Return rates and forces of a car in `state` on `road` under `inputs`."""
-    g, mass, grip, zero = STANDARD_GRAVITY_MPS2, body.mass_kg, inputs.grip, 0.0
+    g, mass, limit, zero = STANDARD_GRAVITY_MPS2, body.mass_kg, inputs.friction_limit, 0.0
     u, v, w = state.forward_mps, state.left_mps, state.up_mps
     p, q, r = state.roll_rate_radps, state.pitch_rate_radps, state.yaw_rate_radps
     point = road_point(road, state.distance_m)
@@ -152,9 +153,9 @@ def car_motion(body: Body, front: Axle, rear: Axle, road: Road, state: State, in
     rear_n = loads_n(rear, stance, road_rough_m(road, state.distance_m + rear.ahead_m))
     steer_rad = inputs.road_wheel_angle_rad
     if body.steering_compliance_rad_per_n > zero:
-        steer_rad -= body.steering_compliance_rad_per_n * side_force_n(front, front_n, fl, fr, grip)
-    ahead = axle_load(front, stance, front_n, fl, fr, steer_rad, inputs.front_drive_nm, inputs.front_brake_nm, grip)
-    behind = axle_load(rear, stance, rear_n, rl, rr, zero, inputs.rear_drive_nm, inputs.rear_brake_nm, grip)
+        steer_rad -= body.steering_compliance_rad_per_n * side_force_n(front, front_n, fl, fr, limit)
+    ahead = axle_load(front, stance, front_n, fl, fr, steer_rad, inputs.front_drive_nm, inputs.front_brake_nm, limit)
+    behind = axle_load(rear, stance, rear_n, rl, rr, zero, inputs.rear_drive_nm, inputs.rear_brake_nm, limit)
     up, (roll_rate, pitch_rate, yaw_rate) = stance.vertical, stance.angle_rates_radps
     air_n, wind_n = -body.air_kg_per_m * u * abs(u), inputs.side_wind_n
     felt_x = (ahead.force_n[0] + behind.force_n[0] + air_n) / mass

@@ -165,7 +165,9 @@ def test_on_snow_the_car_does_not_turn_as_asked() -> None:
     programme = Programme(12.0, (SpeedChange(-2.0, -1.0, 15.0),), follows_road=True)
     start, road = rolling(TUCSON, 15.0), constant_road(bend_per_m=1.0 / 60.0)
     dry = drive(TwoTrackCar(TUCSON, road), programme, start=start)
-    snow = drive(TwoTrackCar(TUCSON, road), replace(programme, grip=lambda t: np.full(len(t), 0.25)), start=start)
+    snow = drive(
+        TwoTrackCar(TUCSON, road), replace(programme, friction_limit=lambda t: np.full(len(t), 0.25)), start=start
+    )
     late = dry["time_s"] > 3.0
     assert dry["accel_y_mps2"][late].mean() == pytest.approx(15.0**2 / 60.0, rel=0.15)
     assert snow["accel_y_mps2"].max() < 0.25 * G * 1.15

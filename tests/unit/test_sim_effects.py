@@ -237,6 +237,19 @@ def test_compliance_turns_the_wheels_back_by_the_axles_force() -> None:
     assert np.abs(gone - 1e-6 * force)[moving].max() < 0.03 * np.abs(gone).max()
 
 
+def test_effects_can_be_put_on_each_other_in_any_order() -> None:
+    """Ice stays as slippery as it is, whatever the tyres' own friction is said to be before or afterwards."""
+    once = with_effect(with_effect(NOMINAL, "low_friction", friction_coefficient=0.2), "tyre_saturation")
+    other = with_effect(with_effect(NOMINAL, "tyre_saturation"), "low_friction", friction_coefficient=0.2)
+    first, second = driven(once), driven(other)
+    for name, column in first.items():
+        np.testing.assert_array_equal(column, second[name], err_msg=name)
+    icy = (first["time_s"] > 12.0) & (first["time_s"] < 30.0)
+    assert np.all(first["friction"][icy] == 0.2)
+    assert np.all(first["friction"][first["time_s"] < 9.0] == 0.9)
+    assert 0.15 * G < np.abs(first["accel_y_mps2"][icy]).max() < 0.21 * G
+
+
 def test_a_random_profile_has_its_rms_and_scale() -> None:
     at: Array = np.arange(0.0, 200_000.0, 5.0)
     profile = random_profile(0.03, 60.0, 7)(at)

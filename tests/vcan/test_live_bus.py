@@ -2,7 +2,8 @@
 
 How late ticks were is printed, for dsz, dsz being watched and a peer, and judged by nobody here: a guest's CPU is a
 program of this machine, which has other things to do at times. That none is missed is judged by the first of three
-minutes in which it holds, and not at all where a witness outside of the guest was itself held up in each of them.
+minutes in which it holds, and not at all where a witness outside of the guest was itself held up, in each of them as
+often as ticks were missed.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ def ways(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ways]:
                 if ended.code == throughput.NO_WAY:
                     pytest.skip("no vcan in this kernel and no way to a guest that has it (see standard error)")
                 raise
-            found[who] = {**throughput.figures(result, what.frames), "result": result, "out": out, "of": what}
-            if not found[who]["missed"]:
+            row = {**throughput.figures(result, what.frames), "result": result, "out": out, "of": what}
+            found[who] = {**row, "earlier": [*found[who]["earlier"], found[who]] if who in found else []}
+            if not row["missed"]:
                 break
             print("\n" + throughput.table([found[who]]) + throughput.hitched([found[who]]))
     yield found
@@ -64,9 +66,11 @@ def test_every_frame_is_read_and_every_tick_accounted_for(ways: Ways, who: str) 
 def test_no_tick_is_missed(ways: Ways) -> None:
     """In one of three minutes at most."""
     row = ways["dsz"]
-    if row["missed"] and row["result"]["hitches_here"]:
-        pytest.skip(f"this machine does not hold still: {throughput.hitched([row])}; {row['missed']} ticks missed")
-    assert row["missed"] == 0
+    minutes = [*row["earlier"], row]
+    # A hitch costs one tick at most here and there; a daemon that misses more than that misses them by itself.
+    if row["missed"] and all(minute["missed"] <= len(minute["result"]["hitches_here"]) for minute in minutes):
+        pytest.skip(f"this machine does not hold still: {throughput.hitched(minutes)}")
+    assert row["missed"] == 0, throughput.table(minutes)
 
 
 def test_stamps_are_the_kernels(ways: Ways) -> None:
