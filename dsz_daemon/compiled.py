@@ -1,5 +1,8 @@
 """One source of an equation: compiled where numba is installed, plain Python where it is not.
 
+`compiled` is for rooms that are only ever used as a whole. `compiled_with` leaves a room's functions plain Python for
+whoever calls them one by one (a live daemon, which has no numba to wait for) and compiles them for one caller of many.
+
 Compiled functions call each other, so that all of them are written in what both understand: floats, tuples, named
 tuples and arrays, no methods, nothing kept. NUMBA_DISABLE_JIT=1 gives the plain ones where numba is installed, too.
 
@@ -12,15 +15,16 @@ from __future__ import annotations
 import hashlib
 import importlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parent
 # What compiled functions are made of, constants included.
-_SOURCES = ("sim/*.py", "signals.py", "compiled.py")
+_SOURCES = ("core/*.py", "sim/*.py", "signals.py", "compiled.py")
 _PREFIX = "compiled-"
 
 
@@ -73,3 +77,41 @@ def compiled(function: F) -> F:
         return cast(F, numba.njit(cache=True)(function))
     finally:
         numba.config.CACHE_DIR = before
+
+
+def compiled_with(function: F, beside: Sequence[Callable[..., object]], rooms: Sequence[ModuleType]) -> F:
+    """Compiles the function at its first call, with `beside` and all functions of the rooms, which stay as they are.
+
+    Properties of the rooms' named tuples can be read, too. Without numba, leaves the function as it is.
+    """
+    if not IS_COMPILED:
+        return function
+    kept: list[F] = []
+
+    def call(*arguments: object) -> object:
+        if not kept:
+            _let_numba_see(beside, rooms)
+            kept.append(compiled(function))
+        return kept[0](*arguments)
+
+    return cast(F, call)
+
+
+def _let_numba_see(functions: Sequence[Callable[..., object]], rooms: Sequence[ModuleType]) -> None:
+    extending = importlib.import_module("numba.extending")
+    here = [
+        thing for room in rooms for thing in vars(room).values() if getattr(thing, "__module__", None) == room.__name__
+    ]
+    for thing in (*functions, *here):
+        if isinstance(thing, FunctionType):
+            extending.register_jitable(thing)
+        elif isinstance(thing, type):
+            for name, value in vars(thing).items():
+                if isinstance(value, property):
+                    _let_numba_read(name, value.fget)
+
+
+def _let_numba_read(name: str, getter: object) -> None:
+    """A property `name` of named tuples; the argument must be called as the getter's."""
+    extending, types = importlib.import_module("numba.extending"), importlib.import_module("numba.core.types")
+    extending.overload_attribute(types.NamedTuple, name)(lambda self: getter)  # noqa: ARG005

@@ -82,4 +82,11 @@ def turned(
     w = (0.0 if math.isnan(q) else q) + (0.0 if math.isnan(pitch_seen) else k * pitch_seen)
     yaw = 0.0 if math.isnan(r) else r
     roll, pitch = stepped_2x2(-k, yaw, -yaw, -k, u, w, state.roll_rad, state.pitch_rad, dt_s)
-    return state._replace(roll_rad=roll, pitch_rad=pitch)
+    return AttitudeState(
+        state.suspension_roll_rad,
+        state.suspension_roll_rate_radps,
+        state.suspension_pitch_rad,
+        state.suspension_pitch_rate_radps,
+        roll,
+        pitch,
+    )

@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from dsz_daemon.core.parameters import DoubtTuning, ZeroingTuning
-from dsz_daemon.core.zeroing import ZeroingState
+from dsz_daemon.core.zeroing import ZeroingState, with_doubt, with_law
 
 # Sums of steps; a step is a thousand times that.
 _ROUNDING_S = 1e-6
@@ -40,27 +40,16 @@ def looked(state: ZeroingState, target: float, law: ZeroingTuning, tuning: Doubt
     fade = math.exp(-2.0 * dt_s / tuning.memory_s)
     if departure * departure <= tuning.sigmas**2 * (state.variance + scatter):
         calm = max(0.0, state.doubted_s - dt_s)
-        return Look(
-            state._replace(departure=departure, doubted_s=calm, doubt=0.0, contradiction=state.contradiction * fade),
-            True,
-        )
+        return Look(with_doubt(state, departure, calm, 0.0, state.contradiction * fade), True)
     doubted = state.doubted_s + dt_s
     gap = departure * departure
     most = max(law.prior_std, law.largest_offset) ** 2
     if doubted < tuning.wait_s - _ROUNDING_S:
-        return Look(state._replace(departure=departure, doubted_s=doubted, doubt=gap), False)
-    return Look(
-        state._replace(
-            variance=max(state.variance, min(state.variance + gap, most)),
-            departure=0.0,
-            doubted_s=0.0,
-            doubt=0.0,
-            contradiction=max(state.contradiction, gap),
-        ),
-        True,
-    )
+        return Look(with_doubt(state, departure, doubted, gap, state.contradiction), False)
+    moved = with_law(state, state.correction, max(state.variance, min(state.variance + gap, most)))
+    return Look(with_doubt(moved, 0.0, 0.0, 0.0, max(state.contradiction, gap)), True)
 
 
 def unlooked(state: ZeroingState) -> ZeroingState:
     """The state when there is nothing to look at: the car drives, or the reading is missing."""
-    return state._replace(departure=0.0, doubted_s=0.0, doubt=0.0)
+    return with_doubt(state, 0.0, 0.0, 0.0, state.contradiction)

@@ -27,27 +27,41 @@ class TransientState(NamedTuple):
     filled_s: tuple[float, ...] = (0.0,) * (SIGNALS + 1)
 
 
-def _smoothed(old: float, x: float, tuning: Tuning, dt_s: float) -> float:
-    return x if math.isnan(old) else relaxed(old, x, tuning.tau_smoothing_s, dt_s)
+class _Window(NamedTuple):
+    smoothed: float
+    mean: float
+    square: float
+    filled_s: float
+
+
+def _watched(state: TransientState, i: int, x: float, tuning: Tuning, dt_s: float) -> _Window:
+    smoothed, mean, square = state.smoothed[i], state.mean[i], state.square[i]
+    if math.isnan(x):
+        return _Window(smoothed, mean, square, 0.0)
+    filled_s = min(state.filled_s[i] + dt_s, 1e6)
+    if math.isnan(smoothed):
+        return _Window(x, x, x * x, filled_s)
+    smoothed = relaxed(smoothed, x, tuning.tau_smoothing_s, dt_s)
+    mean = relaxed(mean, smoothed, tuning.tau_window_s, dt_s)
+    return _Window(smoothed, mean, relaxed(square, smoothed**2, tuning.tau_window_s, dt_s), filled_s)
 
 
 def watched(state: TransientState, signals: tuple[float, ...], tuning: Tuning, dt_s: float) -> TransientState:
     """One step of the windows over (p, q, r, a_x, a_y, a_z, delta_f, v_car); NaN leaves its own still."""
-    smoothed = list(state.smoothed)
-    mean, square, filled = list(state.mean), list(state.square), list(state.filled_s)
-    for i, x in enumerate(signals):
-        if math.isnan(x):
-            filled[i] = 0.0
-            continue
-        fresh = math.isnan(smoothed[i])
-        smoothed[i] = _smoothed(smoothed[i], x, tuning, dt_s)
-        filled[i] = min(filled[i] + dt_s, 1e6)
-        if fresh:
-            mean[i], square[i] = x, x * x
-            continue
-        mean[i] = relaxed(mean[i], smoothed[i], tuning.tau_window_s, dt_s)
-        square[i] = relaxed(square[i], smoothed[i] ** 2, tuning.tau_window_s, dt_s)
-    return TransientState(tuple(smoothed), tuple(mean), tuple(square), tuple(filled))
+    a = _watched(state, 0, signals[0], tuning, dt_s)
+    b = _watched(state, 1, signals[1], tuning, dt_s)
+    c = _watched(state, 2, signals[2], tuning, dt_s)
+    d = _watched(state, 3, signals[3], tuning, dt_s)
+    e = _watched(state, 4, signals[4], tuning, dt_s)
+    f = _watched(state, 5, signals[5], tuning, dt_s)
+    g = _watched(state, 6, signals[6], tuning, dt_s)
+    h = _watched(state, 7, signals[7], tuning, dt_s)
+    return TransientState(
+        (a[0], b[0], c[0], d[0], e[0], f[0], g[0], h[0]),
+        (a[1], b[1], c[1], d[1], e[1], f[1], g[1], h[1]),
+        (a[2], b[2], c[2], d[2], e[2], f[2], g[2], h[2]),
+        (a[3], b[3], c[3], d[3], e[3], f[3], g[3], h[3]),
+    )
 
 
 def window_variance(state: TransientState, i: int) -> float:
@@ -59,9 +73,11 @@ def transient(state: TransientState, tuning: Tuning) -> float:
     """Tau of (29), dimensionless: 1 where all seven signals scatter by their scale; absent ones count as still."""
     rate, accel = tuning.tau_rate_scale_radps, tuning.tau_accel_scale_mps2
     scales = (rate, rate, rate, accel, accel, tuning.tau_vertical_scale_mps2, tuning.tau_steering_scale_rad)
-    return sum(
-        window_variance(state, i) / (SIGNALS * scale**2) for i, scale in enumerate(scales) if state.filled_s[i] > 0.0
-    )
+    tau = 0.0
+    for i in range(SIGNALS):
+        if state.filled_s[i] > 0.0:
+            tau += window_variance(state, i) / (SIGNALS * scales[i] ** 2)
+    return tau
 
 
 def steering_variance(state: TransientState) -> float:
@@ -77,7 +93,7 @@ def speed_variance(state: TransientState) -> float:
 def settled(state: TransientState, tuning: Tuning) -> bool:
     """Whether the windows of all signals that are there have filled: before that their variance means nothing."""
     seen = [filled for filled in state.filled_s if filled > 0.0]
-    return bool(seen) and min(seen) >= 2.0 * tuning.tau_window_s
+    return len(seen) > 0 and min(seen) >= 2.0 * tuning.tau_window_s
 
 
 def yaw_gate(delta: float, standstill: bool, tuning: Tuning) -> Reason:

@@ -103,7 +103,8 @@ def reference_accelerations(motion: Motion, observer: bicycle.ObserverState) -> 
     vy_rate = bicycle.lateral_velocity_rate(
         motion.v, motion.v_rate, observer.sideslip_rad, observer.sideslip_rate_radps
     )
-    p, q = (0.0 if math.isnan(rate) else rate for rate in (motion.p, motion.q))
+    p = 0.0 if math.isnan(motion.p) else motion.p
+    q = 0.0 if math.isnan(motion.q) else motion.q
     r = 0.0 if math.isnan(motion.r) else motion.r
     return (
         kinematics.longitudinal_reference(motion.v_rate, r, vy),
@@ -123,7 +124,8 @@ def turned_attitude(
     dt_s: float,
 ) -> attitude.AttitudeState:
     """Suspension angles from the modelled accelerations, total attitude from gyros and readings."""
-    lateral, longitudinal = (0.0 if math.isnan(a) else a for a in (references[1], references[0]))
+    longitudinal = 0.0 if math.isnan(references[0]) else references[0]
+    lateral = 0.0 if math.isnan(references[1]) else references[1]
     lean = attitude.leaned(
         lean,
         lateral,

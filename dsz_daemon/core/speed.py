@@ -70,7 +70,7 @@ def wheel_yaw_rate(inputs: Inputs, car: Car) -> float:
     return second if math.isnan(first) else first
 
 
-def _present(*values: float) -> list[float]:
+def _present(values: tuple[float, ...]) -> list[float]:
     return [value for value in values if not math.isnan(value)]
 
 
@@ -79,15 +79,15 @@ def patched_speed(corners: Corners, car: Car, braking: bool) -> float:
 
     With all wheels driven the slowest stands for "undriven": spin only makes wheels faster.
     """
-    wheels = _present(*corners)
-    if not wheels:
+    wheels = _present((corners.fl, corners.fr, corners.rl, corners.rr))
+    if len(wheels) == 0:
         return NAN
     if braking:
         return max(wheels)
     if car.front_driven and car.rear_driven:
         return min(wheels)
-    undriven = _present(corners.fl, corners.fr) if car.rear_driven else _present(corners.rl, corners.rr)
-    return sum(undriven) / len(undriven) if undriven else min(wheels)
+    undriven = _present((corners.fl, corners.fr) if car.rear_driven else (corners.rl, corners.rr))
+    return sum(undriven) / len(undriven) if len(undriven) > 0 else min(wheels)
 
 
 def is_braking(inputs: Inputs, acceleration_mps2: float, threshold_mps2: float) -> bool:
@@ -99,7 +99,7 @@ def is_braking(inputs: Inputs, acceleration_mps2: float, threshold_mps2: float) 
 
 def wheels_agree(corners: Corners, tuning: Tuning) -> bool:
     """Whether all wheels tell the same speed within the tolerance: no slip worth speaking of."""
-    wheels = _present(*corners)
+    wheels = _present((corners.fl, corners.fr, corners.rl, corners.rr))
     if len(wheels) < 2:
         return True
     low, high = min(wheels), max(wheels)
@@ -121,17 +121,31 @@ def limited_speed(previous: float, wanted: float, ax: float, tuning: Tuning, dt_
 
 def wheels_at_rest(inputs: Inputs, limit_mps: float) -> bool:
     """Whether all wheels that report (at least one) report less than the limit."""
-    wheels = _present(*inputs[6:10])
-    return bool(wheels) and all(abs(wheel) < limit_mps for wheel in wheels)
+    wheels = _present(inputs[6:10])
+    return len(wheels) > 0 and max([abs(wheel) for wheel in wheels]) < limit_mps
 
 
 def signed_wheels(inputs: Inputs) -> Inputs:
     """The wheels with the sign of the gear: sensors that can't tell direction count up in reverse too."""
-    wheels = inputs[6:10]
-    if math.isnan(inputs.reverse) or inputs.reverse == 0.0 or any(wheel < 0.0 for wheel in wheels):
+    fl, fr, rl, rr = inputs[6:10]
+    if math.isnan(inputs.reverse) or inputs.reverse == 0.0 or fl < 0.0 or fr < 0.0 or rl < 0.0 or rr < 0.0:
         return inputs
-    fl, fr, rl, rr = (-wheel for wheel in wheels)
-    return inputs._replace(wheel_speed_fl=fl, wheel_speed_fr=fr, wheel_speed_rl=rl, wheel_speed_rr=rr)
+    return Inputs(
+        inputs.gyro_x,
+        inputs.gyro_y,
+        inputs.gyro_z,
+        inputs.accel_x,
+        inputs.accel_y,
+        inputs.accel_z,
+        -fl,
+        -fr,
+        -rl,
+        -rr,
+        inputs.road_wheel_angle,
+        inputs.brake,
+        inputs.accelerator,
+        inputs.reverse,
+    )
 
 
 def advanced_speed(
@@ -141,12 +155,12 @@ def advanced_speed(
     braking = is_braking(inputs, state.rate_mps2, tuning.braking_threshold_mps2)
     wanted = patched_speed(corners, car, braking)
     if math.isnan(wanted):
-        return SpeedState()
+        return SpeedState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if state.valid == 0.0:
-        return SpeedState(wanted, wanted, valid=1.0)
+        return SpeedState(wanted, wanted, 0.0, 0.0, 1.0, 0.0)
     if state.speed_mps * wanted < 0.0 and abs(wanted) < 3.0:
         # Changing direction at walking pace: a sign of the gear, not an acceleration.
-        return SpeedState(wanted, wanted, valid=1.0)
+        return SpeedState(wanted, wanted, 0.0, 0.0, 1.0, 0.0)
     speed = limited_speed(state.speed_mps, wanted, ax, tuning, dt_s)
     limit = tuning.standstill_speed_mps
     standing = wheels_at_rest(inputs, limit)

@@ -9,6 +9,7 @@ speed (3.1) -> gyros (10)-(15) -> attitude, (4) -> observer (1)-(9) -> reference
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from dsz_daemon.core import bicycle, doubt, gates, kinematics, speed, stiffness, zeroing
 from dsz_daemon.core.motion import (
@@ -26,18 +27,44 @@ from dsz_daemon.core.zeroing import ZeroingState
 
 NAN = math.nan
 
+_Three = tuple[ZeroingState, ZeroingState, ZeroingState]
+_Whys = tuple[Reason, Reason, Reason]
+
 
 def step(
     car: Car, tuning: Tuning, state: EstimatorState, inputs: Inputs, dt_s: float
 ) -> tuple[EstimatorState, StepOutput]:
     """One tick: the new state, and what it says. dt_s > 0 in seconds; NaN inputs are never learnt from."""
-    inputs = speed.signed_wheels(Inputs(*(x if math.isfinite(x) else NAN for x in inputs)))
-    motion, speed_state = moved(car, tuning, state, inputs, dt_s)
-    state, why_gyro = _zeroed_gyros(state._replace(speed=speed_state), inputs, motion, tuning, dt_s)
-    motion = motion._replace(
-        p=zeroing.compensated(inputs.gyro_x, state.gyro_x),
-        q=zeroing.compensated(inputs.gyro_y, state.gyro_y),
-        r=used_yaw_rate(zeroing.compensated(inputs.gyro_z, state.gyro_z), inputs, car, motion.v, motion.delta),
+    state, seen = advanced(car, tuning, state, inputs, dt_s)
+    return state, _output(car, tuning, state, seen)
+
+
+class Seen(NamedTuple):
+    """What a tick went by: its inputs (finite, wheels signed), motion, references, and why which channel held."""
+
+    inputs: Inputs
+    motion: Motion
+    references: tuple[float, float, float]
+    reasons: tuple[Reason, Reason, Reason, Reason, Reason, Reason]
+
+
+def advanced(
+    car: Car, tuning: Tuning, state: EstimatorState, inputs: Inputs, dt_s: float
+) -> tuple[EstimatorState, Seen]:
+    """The new state after one tick."""
+    inputs = speed.signed_wheels(_finite(inputs))
+    before, speed_state = moved(car, tuning, state, inputs, dt_s)
+    gyros, why_gyro = _zeroed_gyros(state, inputs, before, tuning, dt_s)
+    motion = Motion(
+        zeroing.compensated(inputs.gyro_x, gyros[0]),
+        zeroing.compensated(inputs.gyro_y, gyros[1]),
+        used_yaw_rate(zeroing.compensated(inputs.gyro_z, gyros[2]), inputs, car, before.v, before.delta),
+        before.delta,
+        before.v,
+        before.v_rate,
+        before.speed_valid,
+        before.standstill,
+        before.slip,
     )
     ax = zeroing.compensated(inputs.accel_x, state.accel_x)
     ay = zeroing.compensated(inputs.accel_y, state.accel_y)
@@ -46,8 +73,8 @@ def step(
     ay_road = kinematics.road_lateral_acceleration(
         ay, lean.roll_rad, lean.pitch_rad, lean.suspension_roll_rad, lean.suspension_pitch_rad
     )
-    state = state._replace(observer=observed_motion(car, tuning, state, motion, ay_road, dt_s))
-    references = reference_accelerations(motion, state.observer)
+    observer = observed_motion(car, tuning, state, motion, ay_road, dt_s)
+    references = reference_accelerations(motion, observer)
     watched = (
         motion.p,
         motion.q,
@@ -58,24 +85,55 @@ def step(
         motion.delta,
         motion.v if motion.speed_valid else NAN,
     )
-    state = state._replace(
-        attitude=turned_attitude(state.attitude, car, tuning, motion, ax, ay, references, dt_s),
-        transient=gates.watched(state.transient, watched, tuning, dt_s),
-    )
-    state, why_accel = _zeroed_accelerometers(state, inputs, motion, references, tuning, dt_s)
-    state = state._replace(
-        stiffness=stiffness.adapted(
+    transient = gates.watched(state.transient, watched, tuning, dt_s)
+    accels, why_accel = _zeroed_accelerometers(state, gyros[2], transient, inputs, motion, references, tuning, dt_s)
+    new = EstimatorState(
+        gyros[0],
+        gyros[1],
+        gyros[2],
+        accels[0],
+        accels[1],
+        accels[2],
+        speed_state,
+        observer,
+        turned_attitude(state.attitude, car, tuning, motion, ax, ay, references, dt_s),
+        transient,
+        stiffness.adapted(
             state.stiffness,
             car,
             motion.v,
-            inputs.gyro_z + state.gyro_z.correction,
+            inputs.gyro_z + gyros[2].correction,
             ay_road,
             inputs.road_wheel_angle,
             tuning,
             dt_s,
-        )
+        ),
     )
-    return state, _output(car, tuning, state, inputs, motion, references, (*why_gyro, *why_accel))
+    return new, Seen(inputs, motion, references, why_gyro + why_accel)
+
+
+def _finite(inputs: Inputs) -> Inputs:
+    """What is no finite number is missing."""
+    return Inputs(
+        _number(inputs.gyro_x),
+        _number(inputs.gyro_y),
+        _number(inputs.gyro_z),
+        _number(inputs.accel_x),
+        _number(inputs.accel_y),
+        _number(inputs.accel_z),
+        _number(inputs.wheel_speed_fl),
+        _number(inputs.wheel_speed_fr),
+        _number(inputs.wheel_speed_rl),
+        _number(inputs.wheel_speed_rr),
+        _number(inputs.road_wheel_angle),
+        _number(inputs.brake),
+        _number(inputs.accelerator),
+        _number(inputs.reverse),
+    )
+
+
+def _number(x: float) -> float:
+    return x if math.isfinite(x) else NAN
 
 
 def _learned(
@@ -87,7 +145,7 @@ def _learned(
     standstill: bool,
     tuning: Tuning,
     dt_s: float,
-    c: float = 1.0,
+    c: float,
 ) -> tuple[ZeroingState, Reason]:
     """One channel's zeroing: open gate, believable target, not contradicted -> learn; else hold."""
     target = reference - reading
@@ -107,44 +165,44 @@ def _learned(
 
 def _zeroed_gyros(
     state: EstimatorState, inputs: Inputs, motion: Motion, tuning: Tuning, dt_s: float
-) -> tuple[EstimatorState, tuple[Reason, Reason, Reason]]:
+) -> tuple[_Three, _Whys]:
     """(10)-(15): targets -p*, -q*, -r*."""
-    tilt = gates.roll_pitch_gate(motion.r, motion.standstill, tuning)
-    yaw = gates.yaw_gate(motion.delta, motion.standstill, tuning)
-
-    def one(old: ZeroingState, law: ZeroingTuning, reading: float, reason: Reason) -> tuple[ZeroingState, Reason]:
-        return _learned(old, law, reading, 0.0, reason, motion.standstill, tuning, dt_s)
-
-    x, why_x = one(state.gyro_x, tuning.gyro_x, inputs.gyro_x, tilt)
-    y, why_y = one(state.gyro_y, tuning.gyro_y, inputs.gyro_y, tilt)
-    z, why_z = one(state.gyro_z, tuning.gyro_z, inputs.gyro_z, yaw)
-    return state._replace(gyro_x=x, gyro_y=y, gyro_z=z), (why_x, why_y, why_z)
+    still = motion.standstill
+    tilt = gates.roll_pitch_gate(motion.r, still, tuning)
+    yaw = gates.yaw_gate(motion.delta, still, tuning)
+    x, why_x = _learned(state.gyro_x, tuning.gyro_x, inputs.gyro_x, 0.0, tilt, still, tuning, dt_s, 1.0)
+    y, why_y = _learned(state.gyro_y, tuning.gyro_y, inputs.gyro_y, 0.0, tilt, still, tuning, dt_s, 1.0)
+    z, why_z = _learned(state.gyro_z, tuning.gyro_z, inputs.gyro_z, 0.0, yaw, still, tuning, dt_s, 1.0)
+    return (x, y, z), (why_x, why_y, why_z)
 
 
 def _zeroed_accelerometers(
     state: EstimatorState,
+    yaw: ZeroingState,
+    transient: gates.TransientState,
     inputs: Inputs,
     motion: Motion,
     references: tuple[float, float, float],
     tuning: Tuning,
     dt_s: float,
-) -> tuple[EstimatorState, tuple[Reason, Reason, Reason]]:
-    """(23)-(28) through the gates of Table 3."""
-    yaw_std = zeroing.offset_std(state.gyro_z, tuning.gyro_z)
+) -> tuple[_Three, _Whys]:
+    """(23)-(28) through the gates of Table 3; `yaw` is the yaw rate's state at this tick."""
+    yaw_std = zeroing.offset_std(yaw, tuning.gyro_z)
     if tuning.as_printed or math.isnan(inputs.gyro_z):
         yaw_std = 0.0
     valid, v = motion.speed_valid, motion.v
-    z_x = gates.longitudinal_gate(state.transient, v, valid, motion.slip, tuning)
-    z_y = gates.lateral_gate(state.transient, v, valid, motion.delta, motion.r, yaw_std, tuning)
-    z_z = gates.vertical_gate(state.transient, valid, tuning)
+    z_x = gates.longitudinal_gate(transient, v, valid, motion.slip, tuning)
+    z_y = gates.lateral_gate(transient, v, valid, motion.delta, motion.r, yaw_std, tuning)
+    z_z = gates.vertical_gate(transient, valid, tuning)
     c_y = tuning.c_y
-    x, why_x = _learned(state.accel_x, tuning.accel_x, inputs.accel_x, references[0], z_x, False, tuning, dt_s)
+    x, why_x = _learned(state.accel_x, tuning.accel_x, inputs.accel_x, references[0], z_x, False, tuning, dt_s, 1.0)
     y, why_y = _learned(state.accel_y, tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y)
-    z, why_z = _learned(state.accel_z, tuning.accel_z, inputs.accel_z, references[2], z_z, False, tuning, dt_s)
-    return state._replace(accel_x=x, accel_y=y, accel_z=z), (why_x, why_y, why_z)
+    z, why_z = _learned(state.accel_z, tuning.accel_z, inputs.accel_z, references[2], z_z, False, tuning, dt_s, 1.0)
+    return (x, y, z), (why_x, why_y, why_z)
 
 
-def _channel(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Reason) -> ChannelOutput:
+def channel_output(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Reason) -> ChannelOutput:
+    """What one channel says after a tick."""
     std = zeroing.offset_std(state, law)
     gate = reason is Reason.NONE
     if math.isnan(reading):
@@ -158,24 +216,17 @@ def _channel(reading: float, state: ZeroingState, law: ZeroingTuning, reason: Re
     )
 
 
-def _output(
-    car: Car,
-    tuning: Tuning,
-    state: EstimatorState,
-    inputs: Inputs,
-    motion: Motion,
-    references: tuple[float, float, float],
-    reasons: tuple[Reason, ...],
-) -> StepOutput:
+def _output(car: Car, tuning: Tuning, state: EstimatorState, seen: Seen) -> StepOutput:
+    inputs, motion, references, reasons = seen
     known = motion.speed_valid
     beta = state.observer.sideslip_rad if known else NAN
     return StepOutput(
-        gyro_x=_channel(inputs.gyro_x, state.gyro_x, tuning.gyro_x, reasons[0]),
-        gyro_y=_channel(inputs.gyro_y, state.gyro_y, tuning.gyro_y, reasons[1]),
-        gyro_z=_channel(inputs.gyro_z, state.gyro_z, tuning.gyro_z, reasons[2]),
-        accel_x=_channel(inputs.accel_x, state.accel_x, tuning.accel_x, reasons[3]),
-        accel_y=_channel(inputs.accel_y, state.accel_y, tuning.accel_y, reasons[4]),
-        accel_z=_channel(inputs.accel_z, state.accel_z, tuning.accel_z, reasons[5]),
+        gyro_x=channel_output(inputs.gyro_x, state.gyro_x, tuning.gyro_x, reasons[0]),
+        gyro_y=channel_output(inputs.gyro_y, state.gyro_y, tuning.gyro_y, reasons[1]),
+        gyro_z=channel_output(inputs.gyro_z, state.gyro_z, tuning.gyro_z, reasons[2]),
+        accel_x=channel_output(inputs.accel_x, state.accel_x, tuning.accel_x, reasons[3]),
+        accel_y=channel_output(inputs.accel_y, state.accel_y, tuning.accel_y, reasons[4]),
+        accel_z=channel_output(inputs.accel_z, state.accel_z, tuning.accel_z, reasons[5]),
         speed_mps=motion.v if known else NAN,
         sideslip_rad=beta,
         lateral_velocity_mps=bicycle.lateral_velocity(motion.v, beta) if known else NAN,

@@ -55,6 +55,12 @@ def _excited(v: float, ay: float, tuning: Tuning) -> bool:
     return v > tuning.stiffness_min_speed_mps and tuning.stiffness_min_ay_mps2 < abs(ay) < tuning.stiffness_max_ay_mps2
 
 
+def _smoothed(s: StiffnessState, yaw: float, ay: float, delta: float) -> StiffnessState:
+    return StiffnessState(
+        s.front, s.rear, s.steering_zero_rad, s.p11, s.p12, s.p13, s.p22, s.p23, s.p33, yaw, ay, delta
+    )
+
+
 def adapted(
     state: StiffnessState, car: Car, v: float, r: float, ay: float, delta: float, tuning: Tuning, dt_s: float
 ) -> StiffnessState:
@@ -63,13 +69,14 @@ def adapted(
         return state
     tau = tuning.speed_smoothing_s
     if math.isnan(state.smoothed_yaw_radps):
-        return state._replace(smoothed_yaw_radps=r, smoothed_ay_mps2=ay, smoothed_delta_rad=delta)
+        return _smoothed(state, r, ay, delta)
     yaw = relaxed(state.smoothed_yaw_radps, r, tau, dt_s)
     # Force, angle and yaw rate pass the same smoothing, so that their balance still holds.
-    smooth = state._replace(
-        smoothed_yaw_radps=yaw,
-        smoothed_ay_mps2=relaxed(state.smoothed_ay_mps2, ay, tau, dt_s),
-        smoothed_delta_rad=relaxed(state.smoothed_delta_rad, delta, tau, dt_s),
+    smooth = _smoothed(
+        state,
+        yaw,
+        relaxed(state.smoothed_ay_mps2, ay, tau, dt_s),
+        relaxed(state.smoothed_delta_rad, delta, tau, dt_s),
     )
     if not _excited(v, smooth.smoothed_ay_mps2, tuning):
         return smooth
@@ -92,7 +99,7 @@ def _updated(s: StiffnessState, h1: float, h2: float, measured: float, noise: fl
     scale = 1.0 / (h1 * g1 + h2 * g2 + g3 + noise)
     error = measured - h1 * s.front - h2 * s.rear - s.steering_zero_rad
     low, high = 1.0 / (1.0 + tuning.stiffness_bound), 1.0 / (1.0 - tuning.stiffness_bound)
-    return s._replace(
+    return StiffnessState(
         front=min(high, max(low, s.front + scale * g1 * error)),
         rear=min(high, max(low, s.rear + scale * g2 * error)),
         steering_zero_rad=s.steering_zero_rad + scale * g3 * error,
@@ -102,6 +109,9 @@ def _updated(s: StiffnessState, h1: float, h2: float, measured: float, noise: fl
         p22=s.p22 - scale * g2 * g2,
         p23=s.p23 - scale * g2 * g3,
         p33=s.p33 - scale * g3 * g3,
+        smoothed_yaw_radps=s.smoothed_yaw_radps,
+        smoothed_ay_mps2=s.smoothed_ay_mps2,
+        smoothed_delta_rad=s.smoothed_delta_rad,
     )
 
 

@@ -43,6 +43,69 @@ class ZeroingState(NamedTuple):
     contradiction: float = 0.0
 
 
+def with_law(state: ZeroingState, correction: float, variance: float) -> ZeroingState:
+    """The state with another correction and variance."""
+    return ZeroingState(
+        correction,
+        variance,
+        state.driven_s,
+        state.block_sum,
+        state.block_s,
+        state.block_variance,
+        state.noise_sum,
+        state.noise_blocks,
+        state.departure,
+        state.doubted_s,
+        state.doubt,
+        state.contradiction,
+    )
+
+
+def _with_scatter(
+    state: ZeroingState,
+    driven_s: float,
+    block_sum: float,
+    block_s: float,
+    block_variance: float,
+    noise_sum: float,
+    noise_blocks: float,
+) -> ZeroingState:
+    return ZeroingState(
+        state.correction,
+        state.variance,
+        driven_s,
+        block_sum,
+        block_s,
+        block_variance,
+        noise_sum,
+        noise_blocks,
+        state.departure,
+        state.doubted_s,
+        state.doubt,
+        state.contradiction,
+    )
+
+
+def with_doubt(
+    state: ZeroingState, departure: float, doubted_s: float, doubt: float, contradiction: float
+) -> ZeroingState:
+    """The state with another doubt in it."""
+    return ZeroingState(
+        state.correction,
+        state.variance,
+        state.driven_s,
+        state.block_sum,
+        state.block_s,
+        state.block_variance,
+        state.noise_sum,
+        state.noise_blocks,
+        departure,
+        doubted_s,
+        doubt,
+        contradiction,
+    )
+
+
 class Step(NamedTuple):
     """How far e goes towards a held target (0..1), and the variance after it."""
 
@@ -149,16 +212,14 @@ def zeroed(
         step = constant_step(state.variance, density, drift, 1.0 / tuning.window_s, dt_s)
     else:
         step = first_looks(state.variance, density, tuning, dt_s)
-    moved = state._replace(
-        correction=state.correction + step.share * (c * target - state.correction), variance=step.variance
-    )
+    moved = with_law(state, state.correction + step.share * (c * target - state.correction), step.variance)
     return moved if exact else scattered(moved, state.variance, c * target, block_s, dt_s)
 
 
 def held(state: ZeroingState, tuning: ZeroingTuning, dt_s: float) -> ZeroingState:
     """One closed-gate step, Z = 0: the correction stays, its uncertainty grows (to the data sheet's)."""
     grown = min(state.variance + tuning.drift_density * dt_s, tuning.prior_std**2)
-    return state._replace(variance=max(state.variance, grown))
+    return with_law(state, state.correction, max(state.variance, grown))
 
 
 def scattered(state: ZeroingState, variance_before: float, target: float, block_s: float, dt_s: float) -> ZeroingState:
@@ -172,7 +233,7 @@ def scattered(state: ZeroingState, variance_before: float, target: float, block_
     total, length = state.block_sum + target * dt_s, state.block_s + dt_s
     driven = state.driven_s + dt_s
     if length < block_s - 1e-9:
-        return state._replace(driven_s=driven, block_sum=total, block_s=length, block_variance=start)
+        return _with_scatter(state, driven, total, length, start, state.noise_sum, state.noise_blocks)
     noise_sum, blocks = state.noise_sum, state.noise_blocks
     left = min(1.0, state.variance / start)
     if left > 0.5:
@@ -180,9 +241,7 @@ def scattered(state: ZeroingState, variance_before: float, target: float, block_
         fade = 1.0 - 1.0 / _NOISE_MEMORY_BLOCKS
         noise_sum = noise_sum * fade + length * rest * rest / left
         blocks = blocks * fade + 1.0
-    return state._replace(
-        driven_s=driven, block_sum=0.0, block_s=0.0, block_variance=0.0, noise_sum=noise_sum, noise_blocks=blocks
-    )
+    return _with_scatter(state, driven, 0.0, 0.0, 0.0, noise_sum, blocks)
 
 
 def driving_density(state: ZeroingState, tuning: ZeroingTuning, dt_s: float = 0.0) -> float:
