@@ -21,6 +21,16 @@ class _Parser(argparse.ArgumentParser):
         raise ConfigError(f"{message}; see `{self.prog} --help`")
 
 
+class _Effects(argparse.Action):
+    """Prints the simulated car's effects and ends, as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from dsz_daemon.sim.effect_words import vocabulary
+
+        print(vocabulary(), end="")
+        parser.exit()
+
+
 def _positive(text: str) -> float:
     try:
         value = float(text)
@@ -29,6 +39,12 @@ def _positive(text: str) -> float:
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -73,13 +89,28 @@ def _parser() -> argparse.ArgumentParser:
     simulate = verbs.add_parser(
         "simulate",
         help="a simulated drive: recording, configuration, DBC, truth",
-        description="Writes recording.log, its config.yaml and DBC, and truth.parquet.",
+        description="Writes recording.log, its config.yaml and DBC, truth.parquet, parameters.json: what was true, and "
+        "drive.html: a picture of what was driven. "
+        "Effects change the car, its road or its sensors, never what config.yaml says.",
     )
     simulate.add_argument(
         "scenario", metavar="SCENARIO", help="sine_steer, bank_and_incline, city, highway, ... (a wrong name lists all)"
     )
     simulate.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="where the files go")
     simulate.add_argument("--seed", type=int, default=1, help="same seed, same bytes (default 1)")
+    simulate.add_argument(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME[:KEY=VALUE,...]",
+        help="what else is true, e.g. imu_lever_arm:x_m=0.5,z_m=0.2 or side_wind; may be repeated, in any order",
+    )
+    simulate.add_argument("--effects", action=_Effects, nargs=0, help="list all effects and their parameters")
+    simulate.add_argument(
+        "--nominal",
+        action="store_true",
+        help="take out all that the nominal simulation leaves out, then put effects in",
+    )
     _json(simulate)
     simulate.set_defaults(call=_simulate)
 
@@ -103,9 +134,26 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--speed", type=_positive, default=5.0, help="times real time (default 5)")
     _json(demo)
     demo.set_defaults(call=_demo)
+    _bench_verb(verbs)
     _asking_verbs(verbs)
     _install_verb(verbs)
     return parser
+
+
+def _bench_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    bench = verbs.add_parser(
+        "bench",
+        help="measure it against others",
+        description="accuracy: errors of the offsets against truth, over seeds, scenarios and estimators.",
+    )
+    bench.add_argument("name", nargs="?", choices=("accuracy",), default="accuracy", metavar="NAME", help="accuracy")
+    bench.add_argument("-o", "--output", type=Path, default=Path("out/accuracy"), metavar="DIR", help="keeps trials")
+    bench.add_argument("--seeds", type=_count, default=20, metavar="N", help="seeds 1 to N a scenario (default 20)")
+    bench.add_argument("--scenario", action="append", default=[], metavar="NAME", help="only this one; may be repeated")
+    bench.add_argument("--jobs", type=_count, metavar="N", help="processes at once (default: one a CPU)")
+    bench.add_argument("--page", type=Path, metavar="FILE", help="write the tables as Markdown here, not on the screen")
+    _json(bench)
+    bench.set_defaults(call=_bench)
 
 
 def _asking_verbs(verbs: argparse._SubParsersAction[_Parser]) -> None:
@@ -219,7 +267,9 @@ def _simulate(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs.simulate import simulate
 
     with screen.progress("simulate", arguments.json) as progress:
-        summary = simulate(arguments.scenario, arguments.output, arguments.seed, progress)
+        summary = simulate(
+            arguments.scenario, arguments.output, arguments.seed, progress, arguments.effect, arguments.nominal
+        )
     return _show(arguments, summary, lambda: screen.print_simulation(summary))
 
 
@@ -250,6 +300,20 @@ def _demo(arguments: argparse.Namespace) -> int:
     with screen.progress("demo", arguments.json) as progress:
         summary = demo(arguments.output, arguments.scenario, arguments.seed, arguments.speed, progress)
     return _show(arguments, summary, lambda: screen.print_run(summary, arguments.output))
+
+
+def _bench(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.runs import accuracy, accuracy_page, screen
+
+    with screen.progress("bench accuracy", arguments.json) as progress:
+        result = accuracy.accuracy(arguments.output, arguments.seeds, arguments.scenario, arguments.jobs, progress)
+    if arguments.page is not None:
+        accuracy_page.write_page(result, arguments.page)
+
+    def words() -> None:
+        print(f"{arguments.page}: written" if arguments.page is not None else accuracy_page.page(result))
+
+    return _show(arguments, result, words)
 
 
 def _status(arguments: argparse.Namespace) -> int:

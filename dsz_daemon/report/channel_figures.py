@@ -80,7 +80,7 @@ def channel_figure(channel: str, samples: Samples, truth: Samples | None) -> Fig
         Panel("reading", unit, 170, signal),
         Panel("error" if name == "truth" else "difference", unit, 100, rest),
         _offset_panel(channel, samples, truth),
-        Panel("learning", BARE, 16, _gate_strip(channel, samples), categories=("gate",)),
+        Panel("learning", BARE, 16, gate_strip(channel, samples, time_s, "gate"), categories=("gate",)),
     ]
     return stacked(panels, duration_s(samples), marks_s(samples))
 
@@ -114,8 +114,11 @@ def _offset_panel(channel: str, samples: Samples, truth: Samples | None) -> Pane
     return Panel("offset", unit, 110, traces, y_range)
 
 
-def _gate_strip(channel: str, samples: Samples) -> list[Trace]:
-    """Green while the offset learns, pale while it is held, purple while there is no valid input."""
+def gate_strip(channel: str, samples: Samples, time_s: Floats, row: str) -> list[Trace]:
+    """Green while the offset learns, pale while it is held, purple while there is no valid input.
+
+    `row` is the panel's category that the strip is drawn in; `time_s` shape (rows,).
+    """
     gate, reasons, states = (samples.get(f"{channel}_{what}") for what in ("gate", "reason", "state"))
     if gate is None:
         return []
@@ -123,7 +126,7 @@ def _gate_strip(channel: str, samples: Samples) -> list[Trace]:
     reasons = blank if reasons is None else reasons
     states = blank if states is None else states
     codes, looks = _coded(gate, states, reasons)
-    return strip("learning", seconds(samples), codes, "gate", looks)
+    return strip("learning", time_s, codes, row, looks)
 
 
 def _coded(*columns: NDArray[Any]) -> tuple[Ints, list[tuple[str, str]]]:

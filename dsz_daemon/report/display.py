@@ -37,6 +37,8 @@ ACCELERATION = Unit("m/s\N{SUPERSCRIPT TWO}")
 SPEED = Unit("km/h", 3.6)
 METRE_PER_SECOND = Unit("m/s")
 STIFFNESS = Unit("kN/rad", 1e-3)
+METRE = Unit("m")
+FORCE = Unit("N")
 CELSIUS = Unit("\N{DEGREE SIGN}C")
 BARE = Unit("")
 

@@ -1,28 +1,22 @@
-"""`report.html`: one file that opens anywhere, offline, and sends nothing anywhere.
-
-plotly.js stands inside the page; a content security policy forbids the browser to load or
-send anything else, so that "offline" does not rest on good intentions.
-"""
+"""`report.html`: what stands where on the page of one run."""
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from dsz_daemon.errors import MachineError
 from dsz_daemon.report.channel_figures import channel_figure
 from dsz_daemon.report.counts import counted
 from dsz_daemon.report.display import CHANNEL_NAMES, MINUS, Samples, duration, percent, words
 from dsz_daemon.report.drive_figures import attitude_figure, drive_figure, kinematics_figure, model_figure
-from dsz_daemon.report.markup import data_block, document, element, script
-from dsz_daemon.report.panels import Figure
+from dsz_daemon.report.markup import element
+from dsz_daemon.report.offline_page import Picture, no_script, plotly, section, write_page
+from dsz_daemon.report.paper_figures import REFERENCE_NAMES, paper_pictures, paper_text
 from dsz_daemon.report.results import (
     ChannelResult,
     channel_result,
@@ -34,7 +28,6 @@ from dsz_daemon.report.results import (
 from dsz_daemon.report.tables import channel_table
 from dsz_daemon.report.verdict import verdict
 
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 _CLOSED_REASONS_SHOWN = 4
 
 _MODEL_TEXT = "Learning waits while tau, the summed variances of rates, accelerations and steering, is large."
@@ -48,15 +41,6 @@ _HOW_TO_READ = (
     "stretch they draw as one; every single row is in samples.parquet. "
     "A dotted line marks a gap or a step of the clock."
 )
-
-
-class _Picture(NamedTuple):
-    """One figure in its place: id, heading, a line of text, plotly's data."""
-
-    name: str
-    heading: list[str | Element]
-    text: str
-    figure: Figure
 
 
 def write_report(
@@ -75,48 +59,16 @@ def write_report(
 
     Raises MachineError when plotly is missing or `path` can't be written.
     """
-    plotly_js, to_json = _plotly()
-    head = element(
-        "head",
-        element("meta", charset="utf-8"),
-        element("meta", **{"http-equiv": "Content-Security-Policy", "content": _POLICY}),
-        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("title", title),
-        element("style", _shipped_text("page.css")),
-    )
+    drawing = plotly()
     results = [channel_result(c, samples, summary, truth) for c in mapped_channels(samples, summary)]
-    drawn = _figures(results, samples, truth) if row_count(samples) else []
-    main = [_header(results, samples, summary, title), *_tables(results, samples, summary), *_pictures(drawn)]
-    body = element("body", element("main", *main, *_settings(summary)))
-    if drawn:
-        body.append(script(plotly_js))
-        body.extend(data_block(f"data-{picture.name}", to_json(picture.figure)) for picture in drawn)
-        body.append(script(_shipped_text("page.js")))
-    try:
-        path.write_bytes(document(head, body))
-    except OSError as error:
-        raise MachineError(f"{path}: can't write the report: {error.strerror or error}") from error
-
-
-def _plotly() -> tuple[str, Any]:
-    """plotly.js, and a function that checks a figure and turns it into JSON."""
-    try:
-        offline = importlib.import_module("plotly.offline")
-        graph = importlib.import_module("plotly.graph_objects")
-        io = importlib.import_module("plotly.io")
-    except ImportError as error:
-        raise MachineError("report.html needs plotly, which is not installed: pip install dsz-daemon[desk]") from error
-
-    def to_json(figure: Figure) -> str:
-        # Without a template: plotly's default one would be repeated in every figure.
-        checked = graph.Figure(figure | {"layout": figure["layout"] | {"template": "none"}})
-        return str(io.to_json(checked, validate=False, engine="json"))
-
-    return str(offline.get_plotlyjs()), to_json
-
-
-def _shipped_text(name: str) -> str:
-    return files("dsz_daemon.report").joinpath(name).read_text(encoding="utf-8")
+    drawn, paper = _figures(results, samples, truth) if row_count(samples) else ([], [])
+    content = [
+        _header(results, samples, summary, title),
+        *_tables(results, samples, summary),
+        *_pictures(drawn, paper, truth),
+        *_settings(summary),
+    ]
+    write_page(path, title, content, [*paper, *drawn], drawing)
 
 
 def _header(results: list[ChannelResult], samples: Samples, summary: Mapping[str, Any], title: str) -> Element:
@@ -150,33 +102,34 @@ def _strings(value: Any) -> list[str]:
     return [str(item) for item in value] if isinstance(value, (list, tuple)) else []
 
 
-def _figures(results: list[ChannelResult], samples: Samples, truth: Samples | None) -> list[_Picture]:
-    """All pictures for which there is something to draw, top to bottom."""
+def _figures(
+    results: list[ChannelResult], samples: Samples, truth: Samples | None
+) -> tuple[list[Picture], list[Picture]]:
+    """All pictures for which there is something to draw, top to bottom; those of the paper apart."""
+    paper = [] if truth is None else paper_pictures(results, samples, truth)
+    # The paper's Fig. 4 or 10 shows the same against the truth.
+    told = any(picture.name in REFERENCE_NAMES for picture in paper)
     drawn = [
         (r.channel, _channel_heading(r), _gate_text(r), channel_figure(r.channel, samples, truth)) for r in results
     ]
     drawn += [
         ("drive", ["The drive"], "", drive_figure(samples, truth)),
         ("model", ["Single-track model and gates"], _MODEL_TEXT, model_figure(samples, truth)),
-        ("kinematics", ["Accelerations from motion"], _KINEMATICS_TEXT, kinematics_figure(samples)),
+        ("kinematics", ["Accelerations from motion"], _KINEMATICS_TEXT, None if told else kinematics_figure(samples)),
         ("attitude", ["Roll and pitch"], "", attitude_figure(samples, truth)),
     ]
-    return [_Picture(name, heading, text, fig) for name, heading, text, fig in drawn if fig]
+    return [Picture(name, heading, text, fig) for name, heading, text, fig in drawn if fig], paper
 
 
-def _pictures(drawn: list[_Picture]) -> list[Element]:
+def _pictures(drawn: list[Picture], paper: list[Picture], truth: Samples | None) -> list[Element]:
     """The places that the page's script fills."""
-    if not drawn:
+    if not drawn and not paper:
         return []
-    no_script = element("noscript", element("p", "The pictures need JavaScript; the tables do not."))
-    parts = [element("p", _HOW_TO_READ, class_="quiet how"), no_script]
-    for picture in drawn:
-        children = [element("h2", *picture.heading)]
-        if picture.text:
-            children.append(element("p", picture.text, class_="quiet"))
-        children.append(element("div", class_="plot", data_figure=picture.name))
-        parts.append(element("section", *children, id=picture.name, class_="figure"))
-    return [*parts, element("div", id="hairline")]
+    parts = [element("p", _HOW_TO_READ, class_="quiet how"), no_script()]
+    if paper and truth is not None:
+        parts += [element("h2", "The paper's figures", id="paper"), element("p", paper_text(truth), class_="quiet")]
+        parts += [section(picture) for picture in paper]
+    return parts + [section(picture) for picture in drawn]
 
 
 def _channel_heading(result: ChannelResult) -> list[str | Element]:

@@ -164,23 +164,30 @@ def tight_range(*lines_si: tuple[Floats | None, Unit]) -> tuple[float, float] | 
     return low - margin, high + margin
 
 
-def stacked(panels: Sequence[Panel], duration_s: float, marks_s: Sequence[float] = ()) -> Figure | None:
-    """One figure of the panels that have traces, top down on a common time axis.
+def stacked(
+    panels: Sequence[Panel],
+    end: float,
+    marks_s: Sequence[float] = (),
+    start: float = 0.0,
+    unit: str = "s",
+) -> Figure | None:
+    """One figure of the panels that have traces, top down on a common axis from `start` to `end`, in `unit`.
 
-    `marks_s`: times of gaps and clock steps, drawn as dotted lines. None when all are empty.
+    The axis is time in s, unless it is said otherwise. `marks_s`: times of gaps and clock steps, drawn as dotted
+    lines. None when all panels are empty.
     """
     panels = [panel for panel in panels if panel.traces]
     if not panels:
         return None
     inner_px = sum(panel.height_px for panel in panels) + _GAP_PX * (len(panels) - 1)
-    layout: dict[str, Any] = _frame(inner_px, duration_s)
+    layout: dict[str, Any] = _frame(inner_px, (start, end), unit)
     data: list[Trace] = []
     top_px = 0
     for number, panel in enumerate(panels, start=1):
         suffix = "" if number == 1 else str(number)
         top, bottom = 1 - top_px / inner_px, 1 - (top_px + panel.height_px) / inner_px
         layout[f"yaxis{suffix}"] = _y_axis(panel, max(bottom, 0.0), top)
-        layout[f"legend{suffix}"] = _legend(top)
+        layout[f"legend{suffix}"] = legend_at(top)
         layout["annotations"].append(_label(panel, top))
         data += [
             {"showlegend": len(panel.traces) > 1}
@@ -194,30 +201,41 @@ def stacked(panels: Sequence[Panel], duration_s: float, marks_s: Sequence[float]
     return {"data": data, "layout": layout}
 
 
-def _frame(inner_px: int, duration_s: float) -> dict[str, Any]:
-    return {
-        "height": inner_px + _TOP_PX + _BOTTOM_PX,
-        "margin": {"l": LEFT_PX, "r": RIGHT_PX, "t": _TOP_PX, "b": _BOTTOM_PX},
-        "font": {"family": _FONT, "size": 11, "color": _MUTED},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "rgba(0,0,0,0)",
+def _frame(inner_px: int, span: tuple[float, float], unit: str) -> dict[str, Any]:
+    return plain_layout(inner_px + _TOP_PX + _BOTTOM_PX) | {
         "hovermode": "x unified",
         "hoversubplots": "axis",
-        "hoverlabel": {"font": {"size": 11, "color": _INK}, "bgcolor": "rgba(255,255,255,0.94)"},
         "dragmode": "zoom",
         "barmode": "overlay",
         "bargap": 0,
         "annotations": [],
-        "xaxis": {
-            "range": [0.0, duration_s],
-            "gridcolor": _GRID,
-            "zeroline": False,
-            "ticks": "outside",
-            "ticklen": 3,
-            "tickcolor": _GRID,
-            "ticksuffix": " s",
-            "hoverformat": ".2f",
-        },
+        "xaxis": bare_axis() | {"range": list(span), "ticksuffix": f" {unit}", "hoverformat": ".2f"},
+    }
+
+
+def plain_layout(height_px: int) -> dict[str, Any]:
+    """What every figure's layout begins with: height, the common margins, fonts, no background."""
+    return {
+        "height": height_px,
+        "margin": {"l": LEFT_PX, "r": RIGHT_PX, "t": _TOP_PX, "b": _BOTTOM_PX},
+        "font": {"family": _FONT, "size": 11, "color": _MUTED},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "hoverlabel": {"font": {"size": 11, "color": _INK}, "bgcolor": "rgba(255,255,255,0.94)"},
+    }
+
+
+def bare_axis() -> dict[str, Any]:
+    """An axis with pale lines and small ticks."""
+    return {
+        "gridcolor": _GRID,
+        "zeroline": False,
+        "ticks": "outside",
+        "ticklen": 3,
+        "tickcolor": _GRID,
+        # 10,000 rather than 10k.
+        "exponentformat": "none",
+        "separatethousands": True,
     }
 
 
@@ -249,7 +267,8 @@ def _y_axis(panel: Panel, bottom: float, top: float) -> dict[str, Any]:
     return axis
 
 
-def _legend(top: float) -> dict[str, Any]:
+def legend_at(top: float) -> dict[str, Any]:
+    """A legend in one line, over the upper right corner of a panel."""
     return {
         "orientation": "h",
         "x": 1,
@@ -263,10 +282,14 @@ def _legend(top: float) -> dict[str, Any]:
 
 
 def _label(panel: Panel, top: float) -> dict[str, Any]:
-    unit = f"  {panel.unit.label}" if panel.unit.label else ""
+    return label(panel.label, panel.unit.label, 0.0, top)
+
+
+def label(name: str, unit: str, left: float, top: float) -> dict[str, Any]:
+    """Name and unit over the upper left corner of a panel; `left` and `top` are shares of the figure."""
     return {
-        "text": f"<b>{panel.label}</b>{unit}",
-        "x": 0,
+        "text": f"<b>{name}</b>  {unit}" if unit else f"<b>{name}</b>",
+        "x": left,
         "xref": "paper",
         "xanchor": "left",
         "y": top,

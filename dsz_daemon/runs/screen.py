@@ -108,4 +108,7 @@ def print_simulation(summary: dict[str, Any]) -> None:
     """Where the simulated recording lies and what to do with it."""
     folder = summary["folder"]
     print(f"{summary['scenario']} (seed {summary['seed']}): {summary['frames']} frames, {summary['duration_s']:.0f} s")
+    if summary["picture"] is not None:
+        print(f"picture: {summary['picture']}")
+    print_warnings((), summary["notes"], to_stdout=True)
     print(f"next: dsz replay {folder}/recording.log -c {folder}/config.yaml --truth {folder}/truth.parquet -o OUT")

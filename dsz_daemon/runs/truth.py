@@ -26,6 +26,8 @@ def read_truth(path: Path) -> Columns:
 
 # When the error of an offset is looked at, after the first row.
 AT_S = (30.0, 60.0, 150.0, 600.0)
+# A drive of 60 s has its last row a step before that.
+_ALMOST_S = 0.1
 
 
 def errors_against_truth(samples: Columns, truth: Columns, goals: Mapping[str, float]) -> dict[str, dict[str, Any]]:
@@ -71,17 +73,21 @@ def offset_errors(time_s: Column, offset: Column, std: Column, true: Column, goa
     beyond = np.flatnonzero(~known | (np.abs(np.where(known, error, 0.0)) > goal))
     first_good = int(beyond[-1]) + 1 if len(beyond) else 0
     within = np.abs(error[known]) <= 1.96 * std[known]
-    reached = [at_s for at_s in AT_S if at_s <= since_s[-1]]
+    reached = [at_s for at_s in AT_S if at_s <= since_s[-1] + _ALMOST_S]
     return {
         "true_offset": float(true[-1]),
         "offset": float(offset[-1]),
         "offset_error": float(error[-1]),
         "offset_std": float(std[-1]),
-        "error_at_s": {f"{at_s:g}": float(error[np.searchsorted(since_s, at_s)]) for at_s in reached},
+        "error_at_s": {f"{at_s:g}": float(error[_row(since_s, at_s)]) for at_s in reached},
         "coverage_95": float(np.mean(within)) if len(within) else None,
         "goal": goal,
         "within_goal_from_s": float(since_s[first_good]) if first_good < len(since_s) else None,
     }
+
+
+def _row(since_s: Column, at_s: float) -> int:
+    return min(int(np.searchsorted(since_s, at_s)), len(since_s) - 1)
 
 
 def _rms(error: Column) -> float:

@@ -86,7 +86,7 @@ def database() -> Database:
 def configuration(car: Car) -> dict[str, Any]:
     """Return a complete configuration for the recordings of this car, as plain data.
 
-    It holds the nominal car and sensors: neither the drawn errors nor the IMU's place.
+    It holds the nominal car and sensors: neither the drawn errors nor the IMU's place nor any effect.
     """
     signals: dict[str, Any] = {"dbc": list(dbc_files())}
     signals |= _imu_signals(GYROS, "IMU_RATE", RATE_SIGNALS, "deg/s")

@@ -41,7 +41,9 @@ class Car:
     # One tyre, small slip, static load: the example configuration's.
     front_cornering_stiffness_n_per_rad: float = 62000.0
     rear_cornering_stiffness_n_per_rad: float = 68000.0
-    slip_stiffness_n: float = 80000.0  # chosen: about 18 times the static load, a road tyre
+    # Chosen: about 18 times the static load, a road tyre.
+    front_slip_stiffness_n: float = 80000.0
+    rear_slip_stiffness_n: float = 80000.0
     friction: float = 1.0  # chosen: dry asphalt, as in the paper's test
     shape: float = 1.3  # the Magic Formula's C for lateral force (Pacejka, 1.3)
     # Chosen: stiffness grows less than load: 2 x the load gives 1.5 x the stiffness.

@@ -33,12 +33,17 @@ Array = NDArray[np.float64]
 WheelRadii = tuple[float, float, float, float]  # front left, front right, rear left, rear right
 
 
-class _Series(NamedTuple):
-    """One message over the whole drive: when it was due, us since its start, and raw signal values."""
+class Series(NamedTuple):
+    """One message over the whole drive: stamps in us since its start, and raw signal values."""
 
     message: str
-    due_us: Stamps
+    stamp_us: Stamps
     raw: dict[str, Counts]
+
+
+def stamps_ns(stamp_us: Stamps) -> Stamps:
+    """Return stamps on the log's clock."""
+    return EPOCH_S * 1_000_000_000 + stamp_us * 1000
 
 
 def can_frames(
@@ -55,6 +60,27 @@ def can_frames(
     have streams of their own.
     """
     packers = {message.name: message for message in database().messages}
+    frames = []
+    for each in signal_series(columns, steering_ratio, wheel_radii_m, errors, rng):
+        packer = packers[each.message]
+        names = list(each.raw)
+        values = np.column_stack([each.raw[name] for name in names]).tolist()
+        for t_ns, row in zip(stamps_ns(each.stamp_us).tolist(), values, strict=True):
+            data = packer.encode(dict(zip(names, row, strict=True)), scaling=False)
+            frames.append(Frame(t_ns, CHANNEL, packer.frame_id, data))
+    frames += _unknown_frames(columns, rng)
+    # Of two at the same instant the lower id wins the bus.
+    return sorted(frames, key=lambda frame: (frame.t_ns, frame.can_id))
+
+
+def signal_series(
+    columns: Columns,
+    steering_ratio: float,
+    wheel_radii_m: WheelRadii,
+    errors: SensorErrors,
+    rng: np.random.Generator,
+) -> list[Series]:
+    """Return what the car's own units send, message by message; arguments as of `can_frames`."""
     jitter, flicker = rng.spawn(2)
     series = [
         *_imu_series(columns, errors, rng, flicker),
@@ -62,18 +88,7 @@ def can_frames(
         _wheel_series(columns, wheel_radii_m, errors),
         _pedal_series(columns, errors),
     ]
-    frames = []
-    for each in series:
-        packer = packers[each.message]
-        names = list(each.raw)
-        values = np.column_stack([each.raw[name] for name in names]).tolist()
-        stamps = stamped_us(each.due_us, errors.stamp_jitter_s, jitter).tolist()
-        for stamp_us, row in zip(stamps, values, strict=True):
-            data = packer.encode(dict(zip(names, row, strict=True)), scaling=False)
-            frames.append(Frame(_stamp_ns(stamp_us), CHANNEL, packer.frame_id, data))
-    frames += _unknown_frames(columns, rng)
-    # Of two at the same instant the lower id wins the bus.
-    return sorted(frames, key=lambda frame: (frame.t_ns, frame.can_id))
+    return [each._replace(stamp_us=stamped_us(each.stamp_us, errors.stamp_jitter_s, jitter)) for each in series]
 
 
 # What each unit sends. Phases all differ: no two units of a car run in step.
@@ -81,7 +96,7 @@ def can_frames(
 
 def _imu_series(
     columns: Columns, errors: SensorErrors, rng: np.random.Generator, flicker: np.random.Generator
-) -> Iterator[_Series]:
+) -> Iterator[Series]:
     rates = [f"{name}_radps" for name in GYROS.channels]
     forces = [f"{name}_mps2" for name in ACCELS.channels]
     motion = columns
@@ -95,18 +110,18 @@ def _imu_series(
     readings = gyro_readings(errors, _sampled(motion, rates, at_s), _sampled(motion, forces, at_s), at_s)
     if errors.noisy:
         readings += _noise(GYROS, errors.gyro_noise_gain, errors.gyro_flicker_radps, len(at), rng, flicker)
-    counts = converter_counts(GYROS, readings, errors.gyro_limit_radps, errors.converter_bits)
+    counts = converter_counts(GYROS, readings, errors.gyro_limit_radps, errors.converter_bits, errors.gyro_wiring)
     raw = dict(zip(RATE_SIGNALS, counts.T, strict=True))
-    yield _Series("IMU_RATE", at, raw | {"RATE_COUNTER": _counter(at, 256)})
+    yield Series("IMU_RATE", at, raw | {"RATE_COUNTER": _counter(at, 256)})
 
     at = _due_us(columns, errors.clocks.imu, IMU_PERIOD_MS, 240)  # the next frame on the wire, at 500 kbit/s
     at_s = at / 1e6 - errors.imu_delay_s
     readings = accel_readings(errors, _sampled(motion, forces, at_s), at_s)
     if errors.noisy:
         readings += _noise(ACCELS, errors.accel_noise_gain, errors.accel_flicker_mps2, len(at), rng, flicker)
-    counts = converter_counts(ACCELS, readings, errors.accel_limit_mps2, errors.converter_bits)
+    counts = converter_counts(ACCELS, readings, errors.accel_limit_mps2, errors.converter_bits, errors.accel_wiring)
     raw = dict(zip(ACCEL_SIGNALS, counts.T, strict=True))
-    yield _Series("IMU_ACCEL", at, raw | {"ACCEL_COUNTER": _counter(at, 256)})
+    yield Series("IMU_ACCEL", at, raw | {"ACCEL_COUNTER": _counter(at, 256)})
 
 
 def _noise(
@@ -122,15 +137,15 @@ def _noise(
     return noise + flicker_noise(level, size, rate_hz, flicker) if level else noise
 
 
-def _steering_series(columns: Columns, steering_ratio: float, errors: SensorErrors) -> _Series:
+def _steering_series(columns: Columns, steering_ratio: float, errors: SensorErrors) -> Series:
     at = _due_us(columns, errors.clocks.steering, 10, 1700)
     wheel_rad = _sampled(columns, ["steering_wheel_angle_rad"], at / 1e6 - errors.steering_delay_s)[:, 0]
     reading_rad = steering_reading_rad(wheel_rad, errors.steering_offset_rad, steering_ratio)
     raw = {"STEER_ANGLE": steering_counts(reading_rad, errors.steering_quantum_deg)}
-    return _Series("STEERING", at, raw | {"STEER_STATUS": np.full(len(at), 7), "STEER_COUNTER": _counter(at, 16)})
+    return Series("STEERING", at, raw | {"STEER_STATUS": np.full(len(at), 7), "STEER_COUNTER": _counter(at, 16)})
 
 
-def _wheel_series(columns: Columns, wheel_radii_m: WheelRadii, errors: SensorErrors) -> _Series:
+def _wheel_series(columns: Columns, wheel_radii_m: WheelRadii, errors: SensorErrors) -> Series:
     at = _due_us(columns, errors.clocks.wheel_speeds, 20, 3100)
     at_s = at / 1e6 - errors.wheel_speed_delay_s
     names = [f"{name}_mps" for name in WHEEL_SPEEDS]
@@ -146,28 +161,24 @@ def _wheel_series(columns: Columns, wheel_radii_m: WheelRadii, errors: SensorErr
         speeds = np.column_stack(list(counted))
     counts = wheel_speed_counts(speeds)
     raw = {name.upper(): counts[:, i] for i, name in enumerate(WHEEL_SPEEDS)}
-    return _Series("WHEEL_SPEEDS", at, raw | {"WHEEL_COUNTER": _counter(at, 4)})
+    return Series("WHEEL_SPEEDS", at, raw | {"WHEEL_COUNTER": _counter(at, 4)})
 
 
-def _pedal_series(columns: Columns, errors: SensorErrors) -> _Series:
+def _pedal_series(columns: Columns, errors: SensorErrors) -> Series:
     at = _due_us(columns, errors.clocks.pedals, 20, 5300)
     torques_nm = _sampled(columns, ["drive_torque_nm", "brake_torque_nm"], at / 1e6)
     pressed = (torques_nm > PEDAL_ABOVE_NM).astype(np.int64)
-    total = np.rint(torques_nm[:, 0] - torques_nm[:, 1]).astype(np.int64)
-    return _Series("PEDALS", at, {"BRAKE_ON": pressed[:, 1], "GAS_ON": pressed[:, 0], "WHEEL_TORQUE": total})
+    total = np.clip(np.rint(torques_nm[:, 0] - torques_nm[:, 1]), -(1 << 15), (1 << 15) - 1).astype(np.int64)
+    return Series("PEDALS", at, {"BRAKE_ON": pressed[:, 1], "GAS_ON": pressed[:, 0], "WHEEL_TORQUE": total})
 
 
 def _unknown_frames(columns: Columns, rng: np.random.Generator) -> list[Frame]:
     """Return the frames that nobody asked for."""
     return [
-        Frame(_stamp_ns(stamp_us), CHANNEL, can_id, rng.bytes(8), is_extended)
+        Frame(t_ns, CHANNEL, can_id, rng.bytes(8), is_extended)
         for can_id, is_extended, period_ms, phase_us in _UNKNOWN
-        for stamp_us in _due_us(columns, UnitClock(), period_ms, phase_us).tolist()
+        for t_ns in stamps_ns(_due_us(columns, UnitClock(), period_ms, phase_us)).tolist()
     ]
-
-
-def _stamp_ns(stamp_us: int) -> int:
-    return EPOCH_S * 1_000_000_000 + stamp_us * 1000
 
 
 def _due_us(columns: Columns, clock: UnitClock, period_ms: int, phase_us: int) -> Stamps:

@@ -1,9 +1,9 @@
 """The IMU: what true motion becomes on its way to the converter's counts.
 
-Truth -> first-order low-pass -> turned by the mounting -> scale and cross-axis -> nonlinearity
--> g-sensitivity and null error (drifting) added -> noise -> clipped -> counts. Everything is
-written out per axis: a matrix product of a library may round differently elsewhere. A column
-of times gives no `np.exp` for the same reason.
+Truth -> first-order low-pass -> turned by the mounting -> scale and cross-axis, facing -> nonlinearity
+-> g-sensitivity and null error (drifting) added -> noise -> plugged -> clipped -> in its unit -> counts.
+Everything is written out per axis: a matrix product of a library may round differently elsewhere. A
+column of times gives no `np.exp` for the same reason.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsz_daemon.sim.sensors import (
     ACCELS,
+    AS_MEANT,
     GYROS,
     NULL_VOLTS,
     VOLTS_PER_COUNT,
@@ -27,6 +28,7 @@ from dsz_daemon.sim.sensors import (
     Triad,
     Vector3,
     WarmUp,
+    Wiring,
 )
 
 Array = NDArray[np.float64]
@@ -113,11 +115,14 @@ def null_errors(errors: SensorErrors, time_s: Array) -> tuple[Array, Array]:
 
 
 def offset_columns(errors: SensorErrors, time_s: Array) -> dict[str, Array]:
-    """Return the null error of each IMU channel at `time_s` (s from the drive's begin), SI."""
+    """Return what each IMU channel reads at `time_s` (s from the drive's begin) of no motion at all, SI.
+
+    The null error of the sensor that is plugged in there, in the unit that it is read in.
+    """
     gyro, accel = null_errors(errors, time_s)
     return {
-        channel: nulls[:, i].copy()
-        for triad, nulls in ((GYROS, gyro), (ACCELS, accel))
+        channel: nulls[:, wiring.plugs[i]] * wiring.factors[i]
+        for triad, nulls, wiring in ((GYROS, gyro, errors.gyro_wiring), (ACCELS, accel, errors.accel_wiring))
         for i, channel in enumerate(triad.channels)
     }
 
@@ -129,7 +134,7 @@ def gyro_readings(errors: SensorErrors, rates_radps: Array, forces_mps2: Array, 
     """
     mounting = turning(errors.imu_misalignment)
     seen = applied(sensitivity(errors.gyro_scale, errors.gyro_cross_axis), applied(mounting, rates_radps))
-    seen = bent(seen, GYROS.range_unit * GYROS.unit, errors.gyro_nonlinearity)
+    seen = bent(seen * np.array(errors.gyro_wiring.facing), GYROS.range_unit * GYROS.unit, errors.gyro_nonlinearity)
     pulled = applied(errors.gyro_g_sensitivity, applied(mounting, forces_mps2))
     return seen + pulled + null_errors(errors, time_s)[0]
 
@@ -138,17 +143,20 @@ def accel_readings(errors: SensorErrors, forces_mps2: Array, time_s: Array) -> A
     """Return what the accelerometers put out, n x 3 in m/s^2, before noise and clipping."""
     felt = applied(turning(errors.accel_alignment), applied(turning(errors.imu_misalignment), forces_mps2))
     seen = applied(sensitivity(errors.accel_scale, errors.accel_cross_axis), felt)
-    seen = bent(seen, ACCELS.range_unit * ACCELS.unit, errors.accel_nonlinearity)
+    seen = bent(seen * np.array(errors.accel_wiring.facing), ACCELS.range_unit * ACCELS.unit, errors.accel_nonlinearity)
     return seen + null_errors(errors, time_s)[1]
 
 
-def converter_counts(triad: Triad, readings: Array, limit: float | None, bits: int) -> Counts:
-    """Return the converter's counts for `readings` (SI), clipped to `limit` (SI) and the sensor's range.
+def converter_counts(
+    triad: Triad, readings: Array, limit: float | None, bits: int, wiring: Wiring = AS_MEANT
+) -> Counts:
+    """Return the converter's counts for the sensors' `readings` (SI), clipped to `limit` (SI) and their range.
 
-    Fewer than 16 bits are left-justified in the message's field: the same volts per count.
+    A column per channel. Fewer than 16 bits are left-justified in the message's field: the same volts per count.
     """
     most = triad.range_unit if limit is None else min(limit / triad.unit, triad.range_unit)
-    volts = NULL_VOLTS + triad.volts_per_unit * np.clip(readings / triad.unit, -most, most)
+    arrived = np.clip(readings[:, list(wiring.plugs)] / triad.unit, -most, most)
+    volts = NULL_VOLTS + triad.volts_per_unit * (arrived * np.array(wiring.factors))
     step = 1 << (FIELD_BITS - bits)
-    counts = np.clip(np.rint(volts / (step * VOLTS_PER_COUNT)), 0, (1 << bits) - 1)
-    return counts.astype(np.int64) * step
+    counts: Counts = np.clip(np.rint(volts / (step * VOLTS_PER_COUNT)), 0, (1 << bits) - 1).astype(np.int64)
+    return counts * step

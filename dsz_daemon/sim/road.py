@@ -107,12 +107,13 @@ def _slope_between(first: float, last: float, first_slope: float, last_slope: fl
 @compiled
 def _row(step_m: float, rows: int, distance_m: float) -> tuple[int, float]:
     """The table's row before the distance, and the share of the way to the next; the last one: -1."""
-    if distance_m <= 0.0:
+    # Turned round, so that a car that has flown apart (not a number) meets no row that isn't there.
+    if not distance_m > 0.0:
         return -1, 0.0
     place = distance_m / step_m
-    row = int(place)
-    if row >= rows - 1:
+    if place >= rows - 1:
         return -1, 1.0
+    row = int(place)
     return row, place - row
 
 

@@ -63,6 +63,20 @@ class Angles(NamedTuple):
     yaw_rad: float = 0.0
 
 
+class Wiring(NamedTuple):
+    """How a triad's sensors come to their channels.
+
+    `facing`: -1 where a sensor sits the wrong way round: it shows minus what it should, with its own null error,
+    noise and leaks. `plugs`: the sensor (0 to 2) that arrives on channel x, y and z: a whole sensor with all that is
+    wrong with it, since it is plugs that get swapped. `factors`: what a channel's numbers, null error and noise
+    included, are too large by, because their sender reckons in another unit than the reader.
+    """
+
+    facing: Vector3 = (1.0, 1.0, 1.0)
+    plugs: tuple[int, int, int] = (0, 1, 2)
+    factors: Vector3 = (1.0, 1.0, 1.0)
+
+
 class WarmUp(NamedTuple):
     """Temperature of the IMU: from `start_c` towards `end_c`, as a body that warms up does."""
 
@@ -100,7 +114,7 @@ class PoleRing(NamedTuple):
     off_pitches: tuple[tuple[float, ...], ...] = ((), (), (), ())
 
 
-NO_CROSS_AXIS, STRAIGHT, EVEN_WARM, ON_TIME = CrossAxis(), Angles(), WarmUp(), Clocks()
+NO_CROSS_AXIS, STRAIGHT, EVEN_WARM, ON_TIME, AS_MEANT = CrossAxis(), Angles(), WarmUp(), Clocks(), Wiring()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +133,8 @@ class SensorErrors:
     # The whole IMU in the car, and within it the accelerometers in their housing (Table 2).
     imu_misalignment: Angles = STRAIGHT
     accel_alignment: Angles = STRAIGHT
+    gyro_wiring: Wiring = AS_MEANT
+    accel_wiring: Wiring = AS_MEANT
     # From the C.G. in body axes; None: where the car has it. The vehicle gives the specific
     # force at this place.
     imu_place_m: Vector3 | None = None

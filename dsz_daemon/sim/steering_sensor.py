@@ -19,6 +19,9 @@ def steering_reading_rad(
 
 
 def steering_counts(reading_rad: NDArray[np.float64], quantum_deg: float = STEERING_QUANTUM_DEG) -> Counts:
-    """Return the reading in quanta of the message, left positive, in steps of the sensor's own quantum."""
+    """Return the reading in quanta of the message, left positive, in steps of the sensor's own quantum.
+
+    No more than the message's 16 bits hold, nine turns either way.
+    """
     steps = np.rint(np.degrees(reading_rad) / quantum_deg)
-    return np.rint(steps * quantum_deg / STEERING_QUANTUM_DEG).astype(np.int64)
+    return np.clip(np.rint(steps * quantum_deg / STEERING_QUANTUM_DEG), -(1 << 15), (1 << 15) - 1).astype(np.int64)

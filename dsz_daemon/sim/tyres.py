@@ -54,14 +54,14 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
     quarter of the car on its lateral one.
     """
 
-    def tyre(radius_m: float, stiffness_n_per_rad: float, load_n: float) -> Tyre:
-        spring_n_per_m = car.slip_stiffness_n / car.longitudinal_relaxation_m
+    def tyre(radius_m: float, slip_stiffness_n: float, stiffness_n_per_rad: float, load_n: float) -> Tyre:
+        spring_n_per_m = slip_stiffness_n / car.longitudinal_relaxation_m
         wheel_kg = car.wheel_inertia_kgm2 / radius_m**2
         lateral_spring_n_per_m = stiffness_n_per_rad / car.lateral_relaxation_m
         return Tyre(
             radius_m,
             car.wheel_inertia_kgm2,
-            car.slip_stiffness_n,
+            slip_stiffness_n,
             stiffness_n_per_rad,
             load_n,
             car.friction,
@@ -70,14 +70,24 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
             car.load_degression,
             car.longitudinal_relaxation_m,
             car.lateral_relaxation_m,
-            math.sqrt(spring_n_per_m * wheel_kg) / car.slip_stiffness_n,
+            math.sqrt(spring_n_per_m * wheel_kg) / slip_stiffness_n,
             math.sqrt(lateral_spring_n_per_m * car.mass_kg / 4.0) / stiffness_n_per_rad,
             car.rolling_resistance,
         )
 
     return (
-        tyre(car.front_wheel_radius_m, car.front_cornering_stiffness_n_per_rad, car.front_static_load_n),
-        tyre(car.rear_wheel_radius_m, car.rear_cornering_stiffness_n_per_rad, car.rear_static_load_n),
+        tyre(
+            car.front_wheel_radius_m,
+            car.front_slip_stiffness_n,
+            car.front_cornering_stiffness_n_per_rad,
+            car.front_static_load_n,
+        ),
+        tyre(
+            car.rear_wheel_radius_m,
+            car.rear_slip_stiffness_n,
+            car.rear_cornering_stiffness_n_per_rad,
+            car.rear_static_load_n,
+        ),
     )
 
 

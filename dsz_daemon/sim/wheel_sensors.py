@@ -18,6 +18,7 @@ from dsz_daemon.sim.sensors import Counts
 Array = NDArray[np.float64]
 
 WHEEL_SPEED_QUANTUM_KMH = 0.03125
+WHEEL_SPEED_MOST = (1 << 14) - 1  # of the message's 14 bits: 512 km/h, as of a wheel that spins on ice
 # Chosen: edges come too seldom below a walking pace; makers' units report 0 there.
 WHEEL_SILENT_BELOW_KMH = 1.0
 # Chosen: a capture timer of 1 MHz, usual in brake controllers.
@@ -25,10 +26,10 @@ TIMER_PER_S = 1_000_000
 
 
 def wheel_speed_counts(speed_mps: Array) -> Counts:
-    """Return wheel speeds in quanta; unsigned, as usual, and 0 below a walking pace."""
+    """Return wheel speeds in quanta; unsigned, as usual, 0 below a walking pace, and no more than the field holds."""
     kmh = np.abs(speed_mps) * 3.6
     quanta = np.rint(kmh / WHEEL_SPEED_QUANTUM_KMH).astype(np.int64)
-    return np.where(kmh < WHEEL_SILENT_BELOW_KMH, 0, quanta)
+    return np.where(kmh < WHEEL_SILENT_BELOW_KMH, 0, np.minimum(quanta, WHEEL_SPEED_MOST))
 
 
 def edge_times_s(
@@ -82,8 +83,7 @@ def counted_speed_mps(edges_s: Array, pitch_m: float, at_s: Array) -> Array:
     newest = np.maximum.accumulate(np.where(until > since, np.arange(len(at_s)), 0))
     waited_s = at_s - edges_s[end]
     bound = np.where(waited_s > 0.0, pitch_m / np.where(waited_s > 0.0, waited_s, 1.0), math.inf)
-    speed = np.minimum(measured[newest], bound)
-    return np.where(until == 0, 0.0, speed)
+    return np.minimum(measured[newest], bound)
 
 
 def pitch_m(radius_m: float, poles: int) -> float:

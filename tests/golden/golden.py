@@ -2,7 +2,7 @@
 
 `make golden` writes `expected.json` anew; the test compares with the tolerance below. A change of
 behaviour shows here as numbers that moved, and the changelog explains them.
-The log is the first 24 s of `dsz simulate sine_steer --seed 7` (standstill, drive-off, a sine).
+The log is the first 24 s of `dsz simulate sine_steer --seed 7` as 0.1.0 drove it (standstill, drive-off, a sine).
 """
 
 from __future__ import annotations

@@ -79,7 +79,8 @@ def like(p: Any) -> Car:
         front_spring_n_per_m=front, rear_spring_n_per_m=rear, front_damper_ns_per_m=p.K_sdf,
         rear_damper_ns_per_m=p.K_sdr, front_bar_nm_per_rad=front_bar, rear_bar_nm_per_rad=rear_bar,
         front_cornering_stiffness_n_per_rad=stiffness * p.b, rear_cornering_stiffness_n_per_rad=stiffness * p.a,
-        slip_stiffness_n=p.tire.p_kx1 * p.m * G / 4.0, friction=abs(p.tire.p_dy1), shape=p.tire.p_cy1,
+        front_slip_stiffness_n=p.tire.p_kx1 * p.m * G / 4.0,
+        rear_slip_stiffness_n=p.tire.p_kx1 * p.m * G / 4.0, friction=abs(p.tire.p_dy1), shape=p.tire.p_cy1,
         load_degression=0.0, lateral_relaxation_m=0.02, front_wheel_radius_m=p.R_w, rear_wheel_radius_m=p.R_w,
         wheel_inertia_kgm2=p.I_y_w, rolling_resistance=0.0, drag_area_m2=0.0,
     )  # fmt: skip

@@ -20,10 +20,12 @@ from dsz_daemon.sim.car import TUCSON
 from dsz_daemon.sim.coding import EPOCH_S, can_frames
 from dsz_daemon.sim.drive import Columns, drive
 from dsz_daemon.sim.driver import Programme, SineSteer, SpeedChange
-from dsz_daemon.sim.effects import EFFECTS, World, nominal, random_profile, with_effect
+from dsz_daemon.sim.effects import EFFECTS, with_effect
+from dsz_daemon.sim.effects_of_surroundings import random_profile
 from dsz_daemon.sim.road import FLAT
 from dsz_daemon.sim.sensors import SensorErrors
 from dsz_daemon.sim.vehicle import TwoTrackCar
+from dsz_daemon.sim.world import World, nominal
 
 Array = NDArray[np.float64]
 G, RATIO, DEG = 9.80665, 15.7, math.pi / 180.0
@@ -261,8 +263,8 @@ def test_a_random_profile_has_its_rms_and_scale() -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "says"),
     [
-        ("bad_luck", {}, "unknown 'bad_luck'"),
-        ("imu_delay", {"delay": 1.0}, "unknown parameter 'delay'; expected delay_s"),
+        ("bad_luck", {}, "unknown effect 'bad_luck'"),
+        ("imu_delay", {"delay": 1.0}, "delay: unknown parameter; did you mean 'delay_s'"),
     ],
 )
 def test_unknown_names_are_said(name: str, parameters: dict[str, float], says: str) -> None:

@@ -45,6 +45,15 @@ def test_a_leg_has_its_length_its_speed_and_its_stop() -> None:
     assert road_bend_per_m(road, after) == pytest.approx(0.01)
 
 
+def test_a_short_leg_is_there_in_full_in_its_middle() -> None:
+    """Easing takes no more than half of either leg."""
+    road = road_along([Leg(200.0, 10.0), Leg(20.0, 10.0, 0.01, 0.05, -0.02), Leg(200.0, 10.0)])
+    assert road_point(road, 210.0) == pytest.approx((-0.02, 0.05, 0.0, 0.0), abs=1e-9)
+    assert road_bend_per_m(road, 210.0) == pytest.approx(0.01)
+    for before_or_after in (194.9, 225.1):
+        assert road_bend_per_m(road, before_or_after) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_leg_too_short_for_its_changes_is_refused() -> None:
     with pytest.raises(ValueError, match="leg 1: 20 m are too short"):
         programme_along([Leg(200.0, 15.0), Leg(20.0, 5.0), Leg(100.0, 5.0)])

@@ -111,8 +111,8 @@ def test_uncalibrated_draws_leave_no_field_at_its_default_but_the_limits(uncalib
     same = {
         f.name for f in fields(nothing) if all(getattr(d, f.name) == getattr(nothing, f.name) for d in uncalibrated)
     }
-    # A lower limit than the sensors' ranges is an effect of its own.
-    assert same == {"noisy", "gyro_limit_radps", "accel_limit_mps2"}
+    # A lower limit than the sensors' ranges is an effect of its own, and so is a fault of an axis.
+    assert same == {"noisy", "gyro_limit_radps", "accel_limit_mps2", "gyro_wiring", "accel_wiring"}
 
 
 def test_one_seed_one_car_and_its_null_errors_do_not_depend_on_the_calibration() -> None:
@@ -143,6 +143,8 @@ def test_steering_comes_in_quanta() -> None:
     assert steering_counts(np.array([0.1, -0.1]) * DEG * 12.34).tolist() == [12, -12]
     # A sensor of 1.5 deg: 2.2 deg are 1.5, 2.3 are 3; in quanta of the message.
     assert steering_counts(np.array([2.2, 2.3, -2.3, 0.7]) * DEG, 1.5).tolist() == [15, 30, -30, 0]
+    # Nine turns, and the message's 16 bits are full.
+    assert steering_counts(np.array([57.0, 58.0, -58.0])).tolist() == [32659, 32767, -32768]
     swept = np.linspace(-1.0, 1.0, 999)
     for quantum_deg in (0.1, 0.5, 1.0, 1.5):
         counts = steering_counts(swept, quantum_deg)

@@ -261,7 +261,8 @@ def test_bouncing_without_dampers_and_grip_keeps_energy_and_momentum() -> None:
         rear_damper_ns_per_m=0.0,
         front_cornering_stiffness_n_per_rad=1e-12,
         rear_cornering_stiffness_n_per_rad=1e-12,
-        slip_stiffness_n=1e-12,
+        front_slip_stiffness_n=1e-12,
+        rear_slip_stiffness_n=1e-12,
     )
     start = rolling(car, 20.0)._replace(
         roll_rad=0.04, pitch_rad=0.02, height_m=0.68, roll_rate_radps=0.1, yaw_rate_radps=0.4, left_mps=1.0

@@ -21,6 +21,8 @@ def times(duration_s: float = 3.0) -> NDArray[np.float64]:
 def test_wheel_speeds_come_in_quanta() -> None:
     # 10 m/s = 36 km/h = 1152 quanta; below 1 km/h nothing; direction is not seen.
     assert wheel_speed_counts(np.array([10.0, 0.27, 0.28, -10.0])).tolist() == [1152, 0, 32, 1152]
+    # A wheel that spins on ice: 14 bits are full at 512 km/h.
+    assert wheel_speed_counts(np.array([142.0, 143.0, -1e6])).tolist() == [16358, 16383, 16383]
 
 
 def test_pitch_is_the_rims_way_over_the_poles() -> None:
