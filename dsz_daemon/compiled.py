@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parent
 # What compiled functions are made of, constants included.
-_SOURCES = ("core/*.py", "sim/*.py", "signals.py", "compiled.py")
+_SOURCES = ("core/*.py", "sim/*.py", "diagnose/motion.py", "diagnose/prediction.py", "signals.py", "compiled.py")
 _PREFIX = "compiled-"
 
 

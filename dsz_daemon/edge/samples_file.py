@@ -23,7 +23,7 @@ and it can't be read. `compensated.log`, which is plain text, is what survives t
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
@@ -96,7 +96,7 @@ def _pyarrow(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise MachineError(
-            "samples.parquet needs pyarrow, which is not installed: pip install dsz-daemon[desk]"
+            "Parquet files need pyarrow, which is not installed: pip install dsz-daemon[desk]"
         ) from error
 
 
@@ -193,6 +193,13 @@ class SamplesWriter:
             with _disk_faults(self._path):
                 self._file.close()
                 self._part.replace(self._path)
+
+
+def write_columns(columns: Mapping[str, np.ndarray[Any, np.dtype[Any]]], path: Path) -> None:
+    """Writes columns of equal length as Parquet. MachineError: no pyarrow, or a disk that refuses."""
+    arrow, parquet = _pyarrow("pyarrow"), _pyarrow("pyarrow.parquet")
+    with _disk_faults(path):
+        parquet.write_table(arrow.table(dict(columns)), path)
 
 
 def read_samples(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:

@@ -1,0 +1,123 @@
+"""Recording against prediction: which rows count, how much they differ, and what a parameter does to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects import COLUMNS
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, predicted
+from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, filter_kernel
+
+Bools = np.ndarray[Any, np.dtype[np.bool_]]
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+
+# Compared at 25 Hz: the filter has left nothing above.
+EVERY = 4
+ROW_S = EVERY * DT_S
+BLOCK_S = 5.0
+FOLDS = 5
+# Slip angles divide by speed: slow driving is left out, and as long after it as a transient lasts.
+SLOW_MPS, GUARD_S = 3.0, 1.0
+STILL_MPS = 0.05
+
+
+# Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
+FORM = 0.006
+WHEEL_FORM = 0.001
+
+
+class Rows(NamedTuple):
+    """The rows that are compared: `used` (k, 9) which channels of each count, `block` (k,) its block of BLOCK_S.
+
+    `form` (9,) is what the simulation's form alone may be off by, in each channel's unit.
+    """
+
+    at: Ints
+    used: Bools
+    block: Ints
+    measured: Floats
+    form: Floats
+
+
+def rows_of(drive: Drive) -> Rows:
+    """Driving rows count in all channels, standing ones for what the IMU shows at rest."""
+    n = len(drive.steer)
+    speed = np.nanmean(np.where(np.isfinite(drive.wheels), drive.wheels, 0.0), axis=1)
+    guard = round(GUARD_S / DT_S)
+    slow = (speed < SLOW_MPS).astype(np.float64)
+    near = np.convolve(slow, np.ones(2 * guard + 1), mode="same") > 0.5
+    standing = (
+        np.convolve((np.max(drive.wheels, axis=1) > STILL_MPS).astype(float), np.ones(2 * guard + 1), "same") < 0.5
+    )
+    at = np.arange(EVERY, n - EVERY, EVERY, dtype=np.int64)
+    measured = drive.measured[at]
+    used = np.isfinite(measured)
+    used &= (~near | standing)[at][:, np.newaxis]
+    used[standing[at], 6:] = False
+    given = np.isfinite(drive.recording.road_wheel_angle_rad)[at]
+    used[~given & ~standing[at]] = False
+    form = np.full(len(CHANNELS), WHEEL_FORM * float(np.sqrt(np.mean(speed**2))))
+    for c in range(6):
+        mine = measured[used[:, c], c]
+        form[c] = FORM * float(np.std(mine)) if len(mine) else 0.0
+    # In a long bend the steering stands between two of its steps all the time.
+    car, moving = drive.car, speed[speed > SLOW_MPS]
+    lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
+    softness = lr / car.front_cornering_stiffness_n_per_rad - lf / car.rear_cornering_stiffness_n_per_rad
+    understeer = 0.5 * car.mass_kg * softness / car.wheelbase_m
+    turns = moving / (car.wheelbase_m + understeer * moving**2)
+    step_rad = drive.recording.steering_step_rad / math.sqrt(12.0)
+    for c, per_rad in ((2, turns), (4, turns * moving)):
+        form[c] = math.hypot(form[c], step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0)
+    return Rows(at, used, (at * DT_S / BLOCK_S).astype(np.int64), np.where(used, measured, 0.0), form)
+
+
+def residual(rows: Rows, prediction: Floats) -> Floats:
+    """Measured less predicted (k, 9), 0 where a row does not count."""
+    return np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
+
+
+def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
+    """Each channel's scatter (9,): the larger of the robust deviation and the sensor's own floor."""
+    found = np.ones(len(CHANNELS))
+    for c in range(len(CHANNELS)):
+        mine = left[rows.used[:, c], c]
+        if len(mine) > 10:
+            found[c] = max(1.4826 * float(np.median(np.abs(mine))), 0.3 * float(np.sqrt(np.mean(mine**2))), 1e-9)
+        if np.isfinite(floor[c]):
+            found[c] = max(found[c], float(floor[c]))
+    return found
+
+
+def floors(drive: Drive) -> Floats:
+    """What white noise of the sensors leaves in each channel (9,)."""
+    floor = drive.recording.floor
+    kernel, both = filter_kernel(), filter_kernel(math.hypot(FILTER_S, ALONG_FILTER_S))
+    # Speed is differentiated: its noise is the longitudinal acceleration's, too.
+    power = float(np.sum(kernel**2))
+    less = math.sqrt(float(np.sum(both**2)) / power)
+    steeper = math.sqrt(float(np.sum(np.gradient(both, DT_S) ** 2)) / power)
+    own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
+    wheels = floor[6:]
+    pair = float(np.hypot(*wheels[list(own)]))
+    along = float(np.hypot(floor[3] * less, 0.5 * pair * steeper))
+    return np.array([*floor[:3], along, *floor[4:6], wheels[other[0]], wheels[other[1]], pair])
+
+
+def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Floats, columns: Sequence[int]) -> Floats:
+    """Secants (k, 9, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
+    found = np.empty((len(rows.at), len(CHANNELS), len(columns)))
+    for place, i in enumerate(columns):
+        parameter = COLUMNS[i][1]
+        step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
+        # Close to the value: an effect that is there already is not stepped over.
+        if x[i] != 0.0:
+            step *= 0.1
+        moved = x.copy()
+        moved[i] += step
+        found[:, :, place] = np.where(rows.used, (predicted(drive, moved, road) - base)[rows.at] / step, 0.0)
+    return found

@@ -1,0 +1,266 @@
+"""The vocabulary: each row a statement, an equation, its parameters, and how much of it is plausible.
+
+A parameter is 0 where nothing is left out. `step` is a plain size of it: sensitivities are secants over a step, so
+that effects whose slope vanishes at 0 (play, grip) show, too. Below `least` no name is given: sines for angles, a
+message's own few milliseconds, counted poles and a differentiated speed do as much.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+CAR, SENSORS, WHEELS = "car", "sensors", "wheels"
+
+
+class Parameter(NamedTuple):
+    """One number of an effect, SI; `low` and `high` are what is plausible."""
+
+    name: str
+    unit: str
+    step: float
+    low: float
+    high: float
+    least: float
+
+
+class Effect(NamedTuple):
+    """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew."""
+
+    name: str
+    words: str
+    equation: str
+    touches: str
+    parameters: tuple[Parameter, ...]
+
+
+def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, unit, step, -most, most, least) for name in names.split())
+
+
+_LEAKS = "xy xz yx yz zx zy"
+_NINE = " ".join(first + second for first in "xyz" for second in "xyz")
+
+# How quickly a body leans, and how soon it is still, against the kernel's own values; nobody is told of these.
+_BODY = (
+    Parameter("frequency_share", "1", 0.1, -0.5, 1.0, math.inf),
+    Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
+)
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect(
+        "imu_lever_arm",
+        "The IMU sits {x_m:+.2f} m ahead of the C.G., {y_m:+.2f} m to the left and {z_m:+.2f} m above it",
+        "a_IMU = a + w' x rho + w x (w x rho)",
+        SENSORS,
+        (
+            Parameter("x_m", "m", 0.3, -2.5, 2.5, 0.05),
+            Parameter("y_m", "m", 0.3, -1.0, 1.0, 0.05),
+            Parameter("z_m", "m", 0.3, -1.0, 1.5, 0.1),
+        ),
+    ),
+    Effect(
+        "imu_misalignment",
+        "The IMU is turned by {roll_rad:+.4f} rad in roll, {pitch_rad:+.4f} in pitch and {yaw_rad:+.4f} in yaw",
+        "x = fx + yaw fy - pitch fz, y = fy - yaw fx + roll fz, z = fz + pitch fx - roll fy",
+        SENSORS,
+        _even("roll_rad pitch_rad yaw_rad", "rad", 0.02, 0.3, 0.002),
+    ),
+    Effect(
+        "gyro_scale",
+        "The gyros' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
+        "reading = (1 + k) rate",
+        SENSORS,
+        _even("x y z", "1", 0.03, 0.4, 0.004),
+    ),
+    Effect(
+        "accel_scale",
+        "The accelerometers' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
+        "reading = (1 + k) force",
+        SENSORS,
+        _even("x y z", "1", 0.03, 0.4, 0.004),
+    ),
+    Effect(
+        "gyro_cross_axis",
+        "One gyro axis leaks into another",
+        "reading_i += k_ij rate_j",
+        SENSORS,
+        _even(_LEAKS, "1", 0.02, 0.2, 0.003),
+    ),
+    Effect(
+        "accel_cross_axis",
+        "One accelerometer axis leaks into another",
+        "reading_i += k_ij force_j",
+        SENSORS,
+        _even(_LEAKS, "1", 0.02, 0.2, 0.003),
+    ),
+    Effect(
+        "gyro_g_sensitivity",
+        "Acceleration moves the gyros",
+        "reading_i += k_ij force_j",
+        SENSORS,
+        _even(_NINE, "(rad/s)/(m/s2)", 1e-3, 0.02, 1e-4),
+    ),
+    Effect(
+        "bias_drift",
+        "Offsets move with time",
+        "reading += k t",
+        SENSORS,
+        (
+            *_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6),
+            *_even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
+        ),
+    ),
+    Effect(
+        "imu_delay",
+        "The IMU's readings come {delay_s:.3f} s late",
+        "reading(t) = y(t - d)",
+        SENSORS,
+        (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.008),),
+    ),
+    Effect(
+        "steering_delay",
+        "The steering angle comes {delay_s:.3f} s late",
+        "reading(t) = delta(t - d)",
+        CAR,
+        (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.008),),
+    ),
+    Effect(
+        "wheel_speed_delay",
+        "The wheel speeds come {delay_s:.3f} s late",
+        "reading(t) = v(t - d)",
+        CAR,
+        (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.015),),
+    ),
+    Effect(
+        "sensor_bandwidth",
+        "The IMU is a first-order low-pass with a time constant of {time_constant_s:.3f} s",
+        "T y' = x - y, T = 1/(2 pi f)",
+        SENSORS,
+        (Parameter("time_constant_s", "s", 0.03, 0.0, 0.4, 0.01),),
+    ),
+    Effect(
+        "suspension_roll",
+        "The body leans by {roll_gradient_rad_per_mps2:.4f} rad per m/s2 of lateral acceleration",
+        "reading_y = a_y + g phi, phi = k a_y when steady",
+        CAR,
+        (Parameter("roll_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY),
+    ),
+    Effect(
+        "suspension_pitch",
+        "The body dives by {pitch_gradient_rad_per_mps2:.4f} rad per m/s2 of braking",
+        "reading_x = a_x - g theta, theta = -k a_x when steady",
+        CAR,
+        (Parameter("pitch_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY),
+    ),
+    Effect(
+        "tyre_saturation",
+        "Grip ends at a friction coefficient of some {friction_coefficient:.2f}",
+        "F = mu F_z tanh(C alpha / (mu F_z))",
+        CAR,
+        (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3),),
+    ),
+    Effect(
+        "tyre_relaxation",
+        "Lateral force builds up over {relaxation_length_m:.2f} m",
+        "sigma F' = v (F_static - F)",
+        CAR,
+        (Parameter("relaxation_length_m", "m", 0.5, 0.0, 4.0, 0.1),),
+    ),
+    Effect(
+        "wheel_slip",
+        "Driven and braked wheels slip by {slip_per_force:.3f} per (longitudinal over vertical force)",
+        "r omega = v (1 + k F_x / F_z)",
+        WHEELS,
+        (Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.005),),
+    ),
+    Effect(
+        "wheel_radius",
+        "Wheel radii are off by {fl:+.2%}, {fr:+.2%}, {rl:+.2%}, {rr:+.2%} (front left to rear right)",
+        "v = (1 + k) r omega",
+        WHEELS,
+        _even("fl fr rl rr", "1", 0.01, 0.15, 0.001),
+    ),
+    Effect(
+        "steering_offset",
+        "Straight ahead is {offset_rad:+.4f} rad of road wheel away from the steering sensor's zero",
+        "delta = delta_sensor / ratio + delta_0",
+        CAR,
+        _even("offset_rad", "rad", 0.005, 0.1, 7e-4),
+    ),
+    Effect(
+        "steering_ratio",
+        "The steering ratio is {scale:+.1%} off, and varies by {per_rad:+.3f} per rad of steering wheel",
+        "delta = delta_sensor / (ratio (1 + k + k_1 |delta_sensor|))",
+        CAR,
+        (Parameter("scale", "1", 0.05, -0.4, 0.4, 0.02), Parameter("per_rad", "1/rad", 0.03, -0.2, 0.2, 0.006)),
+    ),
+    Effect(
+        "steering_compliance",
+        "Front wheels give way by {rad_per_n:.2e} rad per N of lateral force",
+        "delta -= k F_yf",
+        CAR,
+        (Parameter("rad_per_n", "rad/N", 5e-7, 0.0, 1e-5, 1e-7),),
+    ),
+    Effect(
+        "steering_backlash",
+        "The steering has {width_rad:.4f} rad of play at the road wheels",
+        "delta follows within +- width/2",
+        CAR,
+        (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 0.001),),
+    ),
+    Effect(
+        "mass_loading",
+        "{added_mass_kg:+.0f} kg are on board that nobody configured, the C.G. is {cg_shift_m:+.2f} m further ahead",
+        "m, l_f, l_r of (1)",
+        CAR,
+        (
+            Parameter("added_mass_kg", "kg", 100.0, -400.0, 1500.0, 25.0),
+            Parameter("cg_shift_m", "m", 0.1, -0.8, 0.8, 0.03),
+        ),
+    ),
+)
+
+# The road's profiles: what the roll and pitch gyros have left over, integrated, and corrections between KNOTS.
+KNOTS = 12
+ROAD = tuple(
+    Effect(
+        name,
+        words,
+        equation,
+        CAR,
+        tuple(Parameter(f"knot_{i}", "rad", 0.02, -0.35, 0.35, 0.0) for i in range(KNOTS)),
+    )
+    for name, words, equation in (
+        (
+            "road_bank",
+            "The road banks by {rms_rad:.4f} rad (rms)",
+            "reading_y = a_y + g phi, p = phi', F = m (a_y - g phi)",
+        ),
+        (
+            "road_grade",
+            "The road climbs and falls by {rms_rad:.4f} rad (rms)",
+            "reading_x = a_x + g gamma, q = -gamma'",
+        ),
+    )
+)
+
+# Refitted before any effect is thought of: constant offsets, and the configured stiffnesses within their tolerance.
+OFFSETS = (
+    *_even("offset_gyro_x offset_gyro_y offset_gyro_z", "rad/s", 0.01, 0.5),
+    *_even("offset_accel_x offset_accel_y offset_accel_z", "m/s2", 0.1, 5.0),
+)
+STIFFNESS = _even("front_cornering_stiffness rear_cornering_stiffness", "1", 0.05, 0.1)
+
+# All parameters in a row: (effect, parameter); effect "" for what is refitted first.
+COLUMNS: tuple[tuple[str, Parameter], ...] = (
+    *(("", parameter) for parameter in (*OFFSETS, *STIFFNESS)),
+    *((effect.name, parameter) for effect in (*EFFECTS, *ROAD) for parameter in effect.parameters),
+)
+INDEX = {(f"{effect}." if effect else "") + parameter.name: i for i, (effect, parameter) in enumerate(COLUMNS)}
+NUISANCES = tuple(range(len(OFFSETS) + len(STIFFNESS)))
+
+
+def columns_of(effect: str) -> tuple[int, ...]:
+    """Where the parameters of one effect stand."""
+    return tuple(i for i, (name, _) in enumerate(COLUMNS) if name == effect)

@@ -1,0 +1,112 @@
+"""Sums of squares by block and channel, so that a fit on some blocks and its judgement on others are small algebra."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from dsz_daemon.diagnose.comparison import FOLDS, Bools, Rows
+from dsz_daemon.diagnose.prediction import Floats
+
+_CORRELATED_FOR_ROWS = 250
+
+
+class Sums(NamedTuple):
+    """Scaled normal equations by block b and channel c: J'J (b, c, p, p), J'r (b, c, p), r'r (b, c), rows (b, c)."""
+
+    squares: Floats
+    cross: Floats
+    left: Floats
+    counts: Floats
+
+
+class Box(NamedTuple):
+    """How far each parameter may go from here (p,), and its prior's weight (p,), 0 for none."""
+
+    low: Floats
+    high: Floats
+    weight: Floats
+
+
+def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
+    """The sums of residuals `left` (k, 9) and sensitivities `slopes` (k, 9, p), scaled by `std` (9,)."""
+    blocks = int(rows.block[-1]) + 1
+    channels, p = left.shape[1], slopes.shape[2]
+    found = Sums(
+        np.zeros((blocks, channels, p, p)),
+        np.zeros((blocks, channels, p)),
+        np.zeros((blocks, channels)),
+        np.zeros((blocks, channels)),
+    )
+    edges = np.searchsorted(rows.block, np.arange(blocks + 1))
+    for b in range(blocks):
+        part = slice(edges[b], edges[b + 1])
+        for c in range(channels):
+            j, r = slopes[part, c] / std[c], left[part, c] / std[c]
+            found.squares[b, c] = j.T @ j
+            found.cross[b, c] = j.T @ r
+            found.left[b, c] = r @ r
+            found.counts[b, c] = np.count_nonzero(rows.used[part, c])
+    return found
+
+
+def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
+    """The step (p,) of least squares inside the box."""
+    a = squares + np.diag(box.weight)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
+    values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
+    values = np.maximum(values, 1e-10 * values[-1])
+    root = (vectors * np.sqrt(values)).T
+    goal = (vectors / np.sqrt(values)).T @ (cross * scale)
+    low, high = box.low / scale, box.high / scale
+    # A box without room holds its parameter.
+    high = np.maximum(high, low + 1e-12)
+    return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
+
+
+def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
+    """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it."""
+    chosen = list(columns)
+    part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
+    squares = found.squares[:, :, chosen][:, :, :, chosen]
+    cross = found.cross[:, :, chosen]
+    fold = np.arange(len(found.left)) % FOLDS
+    result = np.zeros_like(found.left)
+    for k in range(FOLDS):
+        seen, unseen = fold != k, fold == k
+        step = solved(squares[seen].sum(axis=(0, 1)), cross[seen].sum(axis=(0, 1)), part)
+        result[unseen] = (
+            found.left[unseen] - 2.0 * cross[unseen] @ step + np.einsum("bcij,i,j->bc", squares[unseen], step, step)
+        )
+    return result
+
+
+def correlated_rows(left: Floats, used: Bools) -> Floats:
+    """How many rows of each channel (9,) tell as much as one that is independent of the others."""
+    found = np.ones(left.shape[1])
+    for c in range(left.shape[1]):
+        mine = np.where(used[:, c], left[:, c], 0.0)
+        n = len(mine)
+        power = np.abs(np.fft.rfft(mine, 2 * n)) ** 2
+        lags = np.fft.irfft(power)[: min(n, _CORRELATED_FOR_ROWS)]
+        if lags[0] <= 0.0:
+            continue
+        ratio = lags[1:] / lags[0]
+        ends = np.flatnonzero(ratio < 0.05)
+        found[c] = 1.0 + 2.0 * float(np.sum(ratio[: ends[0] if len(ends) else len(ratio)]))
+    return found
+
+
+def gain(before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats) -> float:
+    """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
+
+    `per_row` as above; what is below `form` (9,), the simulation's own coarseness, gains nothing.
+    """
+    n = count.sum(axis=0)
+    known = n > 0
+    coarse = n[known] * np.maximum(form[known] ** 2, 1e-24)
+    old, new = before.sum(axis=0)[known] + coarse, after.sum(axis=0)[known] + coarse
+    return float(np.sum(0.5 * n[known] / per_row[known] * np.log(old / new)))

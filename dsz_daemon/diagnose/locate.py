@@ -1,0 +1,57 @@
+"""Where recording and nominal simulation part: which channel, from when to when, how the car was driven then."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import BLOCK_S, Rows
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
+from dsz_daemon.signals import WHEEL_SPEEDS
+
+# A block stands out if its mean square is this many times what is usual where nothing is left out.
+_STANDS_OUT = 3.0
+
+
+class Place(NamedTuple):
+    """One stretch of one channel, s since the first frame, with its share of the channel's excess."""
+
+    channel: str
+    start_s: float
+    end_s: float
+    share: float
+    region: dict[str, tuple[float, float]]
+
+
+def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[Place]:
+    """Stretches in which `before` (k, 9), what the nominal simulation leaves, is beyond the usual `scatter` (9,)."""
+    places = []
+    names = channel_names(drive)
+    blocks = int(rows.block[-1]) + 1
+    v = np.mean(drive.wheels, axis=1)[rows.at]
+    side = np.abs(np.nan_to_num(drive.measured[rows.at, 2]) * v)
+    for c in range(len(CHANNELS)):
+        count = np.bincount(rows.block, rows.used[:, c], blocks)
+        power = np.bincount(rows.block, before[:, c] ** 2, blocks) / np.maximum(count, 1.0)
+        excess = np.maximum(power - scatter[c] ** 2, 0.0) * (count > 0)
+        out = (power > _STANDS_OUT * scatter[c] ** 2) & (count > 20)
+        if not out.any():
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], out.astype(int), [0])))).reshape(-1, 2)
+        for start, end in edges.tolist():
+            inside = (rows.block >= start) & (rows.block < end) & rows.used[:, c]
+            region = {
+                "speed_mps": (float(np.min(v[inside])), float(np.max(v[inside]))),
+                "abs_ay_mps2": (float(np.min(side[inside])), float(np.max(side[inside]))),
+            }
+            share = float(np.sum(excess[start:end]) / np.sum(excess))
+            last_s = float(drive.recording.time_s[-1])
+            places.append(Place(names[c], start * BLOCK_S, min(end * BLOCK_S, last_s), share, region))
+    return sorted(places, key=lambda place: -place.share)
+
+
+def channel_names(drive: Drive) -> tuple[str, ...]:
+    """The compared channels in the project's vocabulary; a difference by its right wheel."""
+    own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
+    return (*CHANNELS[:6], *(WHEEL_SPEEDS[i] for i in (other[0], other[1], own[1])))

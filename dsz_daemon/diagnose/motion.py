@@ -1,0 +1,134 @@
+"""The car of the simulation: single-track, driven by recorded steering and speed, with what may have been left out.
+
+Every parameter beyond the nominal is a number that takes nothing away at 0. ISO 8855: roll with the left side up and
+pitch with the nose down are positive. One step is a midpoint rule; lateral forces follow their static value over the
+relaxation length exactly (Pacejka, Tire and Vehicle Dynamics, 3rd ed., section 7.2).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.compiled import compiled
+from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+G = STANDARD_GRAVITY_MPS2
+# Below, tyres roll where they point: slip angles divide by speed.
+ROLLING_MPS = 2.5
+# A body on its springs, of a passenger car.
+BODY_RADPS, BODY_DAMPING = 2.0 * math.pi * 1.5, 0.35
+
+# Columns of what `moved` returns.
+VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA = range(10)
+
+
+class CarModel(NamedTuple):
+    """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle."""
+
+    mass_kg: float
+    yaw_inertia_kgm2: float
+    cg_to_front_axle_m: float
+    cg_to_rear_axle_m: float
+    front_stiffness: float
+    rear_stiffness: float
+    relaxation_m: float
+    compliance_rad_per_n: float
+    backlash_rad: float
+    roll_gradient: float
+    roll_radps: float
+    roll_damping: float
+    pitch_gradient: float
+    pitch_radps: float
+    pitch_damping: float
+
+
+@compiled
+def _limited(force: float, load_n: float, grip: float) -> float:
+    """A linear tyre's force, bent down to the limit load/sqrt(grip); `grip` is 1/friction^2, 0 without an end."""
+    if grip <= 0.0:
+        return force
+    x = abs(force) * math.sqrt(grip) / load_n
+    return force if x < 1e-9 else force * math.tanh(x) / x
+
+
+@compiled
+def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
+    car: CarModel,
+    steer_rad: Floats,
+    v_mps: Floats,
+    v_rate: Floats,
+    grip: Floats,
+    side_n: Floats,
+    bank_rad: Floats,
+    dt_s: float,
+) -> Floats:
+    """Motion (n, 10) by the columns above, of steering, speed, its rate, 1/friction^2, wind and bank (n,).
+
+    `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
+    """
+    lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
+    front_load = car.mass_kg * G * lr / (lf + lr)
+    rear_load = car.mass_kg * G * lf / (lf + lr)
+    rows = np.zeros((len(v_mps), 10))
+    vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    roll, roll_rate, pitch, pitch_rate = 0.0, 0.0, 0.0, 0.0
+    held = steer_rad[0]
+    half = 0.5 * car.backlash_rad
+    roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
+    pitch_spring, pitch_damper = car.pitch_radps**2, 2.0 * car.pitch_damping * car.pitch_radps
+    for i in range(len(v_mps)):
+        v = v_mps[i]
+        held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
+        delta = held - car.compliance_rad_per_n * front
+        if v < ROLLING_MPS:
+            r_before = r
+            r = v * delta / (lf + lr)
+            vy = lr * r
+            front, rear = 0.0, 0.0
+            ay, r_rate = r * v, (r - r_before) / dt_s
+        elif car.relaxation_m <= 0.0:
+            front = _limited(-car.front_stiffness * (math.atan2(vy + lf * r, v) - delta), front_load, grip[i])
+            rear = _limited(-car.rear_stiffness * math.atan2(vy - lr * r, v), rear_load, grip[i])
+        outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
+        cos = math.cos(delta)
+        if v >= ROLLING_MPS:
+            ay = (front * cos + rear + outside) / car.mass_kg
+            r_rate = (front * cos * lf - rear * lr) / car.yaw_inertia_kgm2
+        row = rows[i]
+        row[0], row[1], row[2], row[3], row[4] = vy, r, r_rate, ay, front
+        row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
+        # The body on its springs, to the next row.
+        roll_rate += dt_s * (roll_spring * (car.roll_gradient * ay - roll) - roll_damper * roll_rate)
+        roll += dt_s * roll_rate
+        dive = -car.pitch_gradient * (v_rate[i] - r * vy)
+        pitch_rate += dt_s * (pitch_spring * (dive - pitch) - pitch_damper * pitch_rate)
+        pitch += dt_s * pitch_rate
+        if v < ROLLING_MPS:
+            continue
+        # To the middle of the step, then all of it with what acts there.
+        after = min(i + 1, len(v_mps) - 1)
+        held_after = min(max(held, steer_rad[after] - half), steer_rad[after] + half)
+        delta_mid, v_mid = delta + 0.5 * (held_after - held), 0.5 * (v + v_mps[after])
+        vy_mid = vy + 0.5 * dt_s * (ay - r * v)
+        r_mid = r + 0.5 * dt_s * r_rate
+        front_goal = _limited(
+            -car.front_stiffness * (math.atan2(vy_mid + lf * r_mid, v_mid) - delta_mid), front_load, grip[i]
+        )
+        rear_goal = _limited(-car.rear_stiffness * math.atan2(vy_mid - lr * r_mid, v_mid), rear_load, grip[i])
+        front_mid, rear_mid = front_goal, rear_goal
+        if car.relaxation_m > 0.0:
+            share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)
+            front_mid = front + share * (front_goal - front)
+            rear_mid = rear + share * (rear_goal - rear)
+            share = -math.expm1(-v_mid * dt_s / car.relaxation_m)
+            front += share * (front_goal - front)
+            rear += share * (rear_goal - rear)
+        cos = math.cos(delta_mid)
+        vy += dt_s * ((front_mid * cos + rear_mid + outside) / car.mass_kg - r_mid * v_mid)
+        r += dt_s * (front_mid * cos * lf - rear_mid * lr) / car.yaw_inertia_kgm2
+    return rows

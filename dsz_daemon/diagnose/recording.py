@@ -1,0 +1,112 @@
+"""A recording as arrays on one grid, filtered alike in every channel.
+
+All signals pass the same linear-phase low-pass: what goes into the simulation as well as what its output is held
+against, so that speed can be differentiated without the filter showing as a difference between the two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+Bools = np.ndarray[Any, np.dtype[np.bool_]]
+
+DT_S = 0.01
+# Gaussian: half the power at 2.2 Hz, above what a driver and a car's body do, below what pole counting adds.
+FILTER_S = 0.06
+# Longitudinal acceleration, measured and predicted, passes another: a speed that is differentiated is noise above
+# that, and whatever smooths a prediction (a bandwidth, a delay) would look like physics.
+ALONG_FILTER_S = 0.15
+# Steering and wheel speeds come every 10 to 50 ms; what is missing for longer is not made up.
+LONGEST_GAP_S = 0.25
+
+
+class Recording(NamedTuple):
+    """One drive on a grid of DT_S; SI, filtered, NaN where a signal is missing.
+
+    `time_s` (n,) counts from the first frame; `imu` (n, 6) in the order of `IMU_CHANNELS`, `wheels_mps` (n, 4) by the
+    configured radius. `floor` (10,) is the standard deviation that white noise of the unfiltered channels leaves, IMU
+    channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel.
+    """
+
+    time_s: Floats
+    road_wheel_angle_rad: Floats
+    wheels_mps: Floats
+    imu: Floats
+    floor: Floats
+    steering_step_rad: float = 0.0
+
+
+def recorded(signals: Mapping[str, Signal], steering_ratio: float) -> Recording:
+    """The recording of decoded samples; `steering_ratio` is hand wheel over road wheel."""
+    first = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
+    last = max(int(signal.t_ns[-1]) for signal in signals.values() if len(signal.t_ns))
+    time_s = DT_S * np.arange(int((last - first) * 1e-9 / DT_S) + 1, dtype=np.float64)
+    names = (*IMU_CHANNELS, *WHEEL_SPEEDS)
+    raw = {name: _on_grid(signals.get(name), first, time_s) for name in names}
+    steering = _on_grid(signals.get("steering_wheel_angle"), first, time_s) / steering_ratio
+    if "steering_wheel_angle" not in signals:
+        steering = _on_grid(signals.get("road_wheel_angle"), first, time_s)
+    kernel = filter_kernel()
+    smooth = {name: filtered(values, kernel) for name, values in raw.items()}
+    return Recording(
+        time_s,
+        filtered(steering, kernel),
+        np.column_stack([smooth[name] for name in WHEEL_SPEEDS]),
+        np.column_stack([smooth[name] for name in IMU_CHANNELS]),
+        np.array([_floor(signals.get(name), kernel) for name in names]),
+        _step(signals.get("steering_wheel_angle")) / steering_ratio or _step(signals.get("road_wheel_angle")),
+    )
+
+
+def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats) -> Floats:
+    if signal is None or len(signal.t_ns) < 2:
+        return np.full(len(time_s), np.nan)
+    at_s: Floats = np.asarray((signal.t_ns - first_ns) * 1e-9, dtype=np.float64)
+    values = np.interp(time_s, at_s, signal.values, np.nan, np.nan)
+    after = np.clip(np.searchsorted(at_s, time_s), 1, len(at_s) - 1)
+    values[at_s[after] - at_s[after - 1] > LONGEST_GAP_S] = np.nan
+    return values
+
+
+def filter_kernel(filter_s: float = FILTER_S) -> Floats:
+    """The low-pass's weights (odd number), of sum 1."""
+    reach = math.ceil(4.0 * filter_s / DT_S)
+    weights = np.exp(-0.5 * (DT_S * np.arange(-reach, reach + 1) / filter_s) ** 2)
+    return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+
+def filtered(values: Floats, kernel: Floats) -> Floats:
+    """The values behind the low-pass; NaN as far as a missing value reaches."""
+    reach = len(kernel) // 2
+    padded = np.concatenate((np.full(reach, values[0]), values, np.full(reach, values[-1])))
+    return np.convolve(padded, kernel, mode="valid")
+
+
+def _step(signal: Signal | None) -> float:
+    """The smallest step of a signal, 0 without one."""
+    steps = np.abs(np.diff(signal.values)) if signal is not None else np.zeros(0)
+    steps = steps[steps > 1e-9]
+    return float(np.min(steps)) if len(steps) else 0.0
+
+
+def _floor(signal: Signal | None, kernel: Floats) -> float:
+    """What the filter leaves of a signal's white noise, which comes at the signal's own rate."""
+    if signal is None or len(signal.t_ns) < 10:
+        return math.nan
+    period_s = float(np.median(np.diff(signal.t_ns))) * 1e-9
+    return white_std(signal.values) * math.sqrt(float(np.sum(kernel**2)) * max(period_s / DT_S, 1.0))
+
+
+def white_std(values: Floats) -> float:
+    """Standard deviation of what is white in a signal: of second differences, of which a smooth signal has little."""
+    second = np.diff(values, 2)
+    second = np.abs(second[np.isfinite(second)])
+    return float(1.4826 * np.median(second) / math.sqrt(6.0)) if len(second) else math.nan

@@ -1,0 +1,98 @@
+"""diagnose/motion: the simulated single-track car against linear theory and hand values."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.motion import CarModel, moved
+
+M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
+BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
+NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY)
+DT_S = 0.01
+T = DT_S * np.arange(1000)
+NONE = np.zeros(len(T))
+G = 9.80665
+
+
+def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) -> np.ndarray:
+    inputs = {"v_rate": NONE, "grip": NONE, "side_n": NONE, "bank_rad": NONE} | changed
+    return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
+
+
+@pytest.mark.parametrize("v", [5.0, 10.0, 25.0])
+def test_small_sines_are_the_linear_cars(v: float) -> None:
+    """Second route: scipy integrates x' = A x + B delta. Yaw rate, sideways speed to 0.1 %, a_y to half a per cent."""
+    steer = 0.02 * np.sin(math.pi * T) * (T > 1.0)
+    a = np.array(
+        [
+            [-(CF + CR) / (M * v), -(CF * LF - CR * LR) / (M * v) - v],
+            [-(CF * LF - CR * LR) / (IZ * v), -(CF * LF**2 + CR * LR**2) / (IZ * v)],
+        ]
+    )
+    b = np.array([[CF / M], [CF * LF / IZ]])
+    _, _, states = lsim((a, b, np.eye(2), np.zeros((2, 1))), steer, T)
+    ay = states @ a[0] + b[0, 0] * steer + v * states[:, 1]
+    rows = driven(NOMINAL, v, steer)
+    for column, expected, share in (
+        (motion.VY, states[:, 0], 1e-3),
+        (motion.R, states[:, 1], 1e-3),
+        (motion.AY, ay, 5e-3),
+    ):
+        np.testing.assert_allclose(rows[:, column], expected, atol=share * np.max(np.abs(expected)))
+
+
+def test_slow_wheels_roll_where_they_point() -> None:
+    row = driven(NOMINAL, 2.0, np.full(len(T), 0.1))[-1]
+    assert row[motion.R] == pytest.approx(2.0 * 0.1 / (LF + LR))
+    assert row[motion.VY] == pytest.approx(LR * row[motion.R])
+
+
+def test_play_swallows_what_is_smaller_than_itself() -> None:
+    car = NOMINAL._replace(backlash_rad=0.01)
+    assert not driven(car, 15.0, 0.004 * np.sin(T)).any()
+    row = driven(car, 15.0, np.full(len(T), 0.02) * (T > 1.0))[-1]
+    assert row[motion.DELTA] == pytest.approx(0.015)
+
+
+def test_giving_wheels_understeer() -> None:
+    """Steady: delta = delta_0 - k F_f, F_f = m a_y l_r / L; r = v delta / (L + K v^2) with K of eq. (1)."""
+    k, v = 5e-7, 20.0
+    row = driven(NOMINAL._replace(compliance_rad_per_n=k), v, np.full(len(T), 0.005))[-1]
+    front_n = M * row[motion.AY] * LR / (LF + LR)
+    gradient = M * (LR / CF - LF / CR) / (LF + LR)
+    expected = v * (0.005 - k * front_n) / (LF + LR + gradient * v * v)
+    assert row[motion.R] == pytest.approx(expected, rel=1e-3)
+
+
+def test_force_builds_up_over_the_relaxation_length() -> None:
+    """Wheels turned at once, a car too heavy to follow: after sigma / v the front has 1 - 1/e of its force."""
+    heavy = NOMINAL._replace(mass_kg=1e9, yaw_inertia_kgm2=1e9, relaxation_m=2.0)
+    rows = driven(heavy, 20.0, np.full(len(T), 0.01))
+    assert rows[10, motion.FRONT_N] == pytest.approx(CF * 0.01 * (1.0 - math.exp(-1.0)), rel=1e-6)
+
+
+def test_grip_ends_at_friction_times_load() -> None:
+    grip = np.full(len(T), 1.0 / 0.5**2)
+    rows = driven(NOMINAL, 10.0, np.full(len(T), 0.6), grip=grip)
+    assert np.max(rows[:, motion.FRONT_N]) == pytest.approx(0.5 * M * G * LR / (LF + LR), rel=1e-3)
+
+
+def test_a_bank_pulls_the_car_down_and_wind_pushes_it() -> None:
+    """Left side high: to the right, as does wind from the left (a force of the same size)."""
+    bank = driven(NOMINAL, 20.0, NONE, bank_rad=np.full(len(T), 0.05))
+    wind = driven(NOMINAL, 20.0, NONE, side_n=np.full(len(T), -M * G * math.sin(0.05)))
+    np.testing.assert_allclose(bank, wind, atol=1e-9)
+    assert bank[50, motion.VY] < 0.0
+
+
+def test_the_body_leans_out_of_the_turn_and_dives_under_braking() -> None:
+    car = NOMINAL._replace(roll_gradient=0.01, pitch_gradient=0.005)
+    row = driven(car, 15.0, np.full(len(T), 0.01), v_rate=np.full(len(T), -3.0))[-1]
+    assert row[motion.ROLL] == pytest.approx(0.01 * row[motion.AY], rel=1e-3)
+    assert row[motion.PITCH] == pytest.approx(0.005 * (3.0 + row[motion.R] * row[motion.VY]), rel=1e-3)

@@ -1,0 +1,190 @@
+"""diagnose: recordings on the grid, and what instruments show of one thing at a time, by hand values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+
+from dsz_daemon.diagnose import recording as recordings
+from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, ROAD
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, felt_road, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import WHEEL_SPEEDS
+
+G = 9.80665
+N = 3000
+T = DT_S * np.arange(N)
+RATIO = 16.0
+
+
+def drive(v: np.ndarray, steer: np.ndarray | None = None) -> Drive:
+    """A drive with wheels that all turn alike; its IMU is not looked at here."""
+    wheels = np.tile(v[:, np.newaxis], (1, 4))
+    steer = np.zeros(N) if steer is None else steer
+    return drive_of(Recording(T, steer, wheels, np.zeros((N, 6)), np.ones(10)), TUCSON, RATIO)
+
+
+def shown(one: Drive, **changed: float) -> np.ndarray:
+    x = nothing()
+    for name, value in changed.items():
+        x[INDEX[name.replace("__", ".")]] = value
+    return predicted(one, x, flat(N))
+
+
+STANDING, CRUISING = drive(np.zeros(N)), drive(np.full(N, 20.0))
+SPEEDING = drive(10.0 + 2.0 * T)
+TURNING = drive(np.full(N, 10.0), np.full(N, 0.05))
+
+
+def test_a_standing_car_reads_gravity_alone() -> None:
+    np.testing.assert_allclose(shown(STANDING)[1500], [0, 0, 0, 0, 0, G, 0, 0, 0], atol=1e-12)
+
+
+def test_a_turned_imu_reads_as_the_contract_has_it() -> None:
+    """reading_x = fx + yaw fy - pitch fz, reading_y = fy - yaw fx + roll fz, reading_z = fz + pitch fx - roll fy."""
+    row = shown(
+        SPEEDING, imu_misalignment__roll_rad=0.01, imu_misalignment__pitch_rad=0.02, imu_misalignment__yaw_rad=0.03
+    )
+    assert row[1500, 3:6] == pytest.approx([2.0 - 0.02 * G, -0.03 * 2.0 + 0.01 * G, G + 0.02 * 2.0], rel=1e-6)
+
+
+def test_an_imu_ahead_of_the_cg_feels_the_turn() -> None:
+    """Steady: a_x less r^2 x, a_y less r^2 y."""
+    plain, moved = shown(TURNING)[1500], shown(TURNING, imu_lever_arm__x_m=1.0, imu_lever_arm__y_m=0.5)[1500]
+    r = plain[2]
+    assert moved[3] - plain[3] == pytest.approx(-r * r)
+    assert moved[4] - plain[4] == pytest.approx(-0.5 * r * r)
+
+
+def test_scale_leak_offset_and_pull() -> None:
+    plain = shown(TURNING)[1500]
+    row = shown(
+        TURNING,
+        gyro_scale__z=0.1,
+        accel_scale__y=-0.2,
+        accel_cross_axis__xy=0.05,
+        gyro_g_sensitivity__xz=1e-3,
+        offset_accel_z=0.3,
+    )[1500]
+    assert row[2] == pytest.approx(1.1 * plain[2])
+    assert row[4] == pytest.approx(0.8 * plain[4])
+    assert row[3] - plain[3] == pytest.approx(0.05 * plain[4])
+    assert row[0] == pytest.approx(1e-3 * G)
+    assert row[5] == pytest.approx(G + 0.3)
+
+
+def test_a_leaning_body_feels_the_turn_in_its_own_axes() -> None:
+    """phi = k a_y, left side up: y reads a_y cos phi + g sin phi, z reads g cos phi - a_y sin phi."""
+    plain = shown(TURNING)[2900]
+    row, phi = shown(TURNING, suspension_roll__roll_gradient_rad_per_mps2=0.02)[2900], 0.02 * plain[4]
+    assert row[4] == pytest.approx(plain[4] * np.cos(phi) + G * np.sin(phi), rel=1e-4)
+    assert row[5] == pytest.approx(G * np.cos(phi) - plain[4] * np.sin(phi), rel=1e-4)
+
+
+def test_late_sensors_show_what_was() -> None:
+    """Speed 10 + t^2/2: a_x = t; the IMU 0.1 s late reads t - 0.1; wheels 0.1 s late: the car is at t + 0.1 already."""
+    one = drive(10.0 + 0.5 * T**2)
+    assert shown(one, imu_delay__delay_s=0.1)[1500, 3] == pytest.approx(14.9, abs=1e-6)
+    assert shown(one, wheel_speed_delay__delay_s=0.1)[1500, 3] == pytest.approx(15.1, abs=1e-6)
+    # What is shown of the wheels is as late as they are.
+    assert shown(one, wheel_speed_delay__delay_s=0.1)[1500, 6] == pytest.approx(10.0 + 0.5 * 15.0**2, rel=1e-6)
+
+
+def test_a_low_pass_lags_a_ramp_by_its_time_constant() -> None:
+    one = drive(10.0 + 0.5 * T**2)
+    assert shown(one, sensor_bandwidth__time_constant_s=0.2)[2500, 3] == pytest.approx(24.8, abs=1e-4)
+
+
+def test_slipping_driven_wheels_run_ahead() -> None:
+    """Front drive, 2 m/s2: F_x / F_z of the front = (a / g) / (l_r / L); the rear gives the speed."""
+    share = (TUCSON.cg_to_rear_axle_m) / TUCSON.wheelbase_m
+    row = shown(SPEEDING, wheel_slip__slip_per_force=0.05)[1500]
+    assert row[6] == pytest.approx(SPEEDING.wheels[1500, 0] * (1.0 + 0.05 * (2.0 / G) / share), rel=1e-6)
+
+
+def test_larger_wheels_show_less_than_the_car_does() -> None:
+    row = shown(CRUISING, wheel_radius__fl=0.01, wheel_radius__rl=0.02, wheel_radius__rr=0.02)[1500]
+    assert row[6] == pytest.approx(20.0 * 1.02 / 1.01)
+    assert row[7] == pytest.approx(20.0 * 1.02)
+
+
+def test_more_ratio_turns_the_wheels_less() -> None:
+    """Small angles: the yaw rate is that of a steering angle divided by 1 + k + k1 |hand wheel|."""
+    plain = shown(drive(np.full(N, 10.0), np.full(N, 0.05 / (1.0 + 0.1 + 0.02 * 0.05 * RATIO))))[1500, 2]
+    assert shown(TURNING, steering_ratio__scale=0.1, steering_ratio__per_rad=0.02)[1500, 2] == pytest.approx(plain)
+
+
+def test_drift_grows_from_the_middle() -> None:
+    rows = shown(STANDING, bias_drift__gyro_y=1e-3)[:, 1]
+    assert rows[-1] - rows[0] == pytest.approx(1e-3 * (N - 1) * DT_S)
+    assert np.mean(rows) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_felt_road_is_the_integral_of_what_the_gyros_have_left() -> None:
+    """The road climbs to 0.1 rad within 10 s: the nose rises, q is negative; ax then reads g sin(0.1) more."""
+    climb = np.clip((T - 5.0) / 10.0, 0.0, 1.0) * 0.1
+    one = drive(np.full(N, 20.0))
+    one.measured[:, 1] = -np.gradient(climb, DT_S)
+    road = felt_road(one, nothing(), ("road_grade",))
+    np.testing.assert_allclose(road.grade_rad, climb, atol=2e-4)
+    assert predicted(one, nothing(), road)[2500, 3] == pytest.approx(G * np.sin(0.1), rel=1e-3)
+
+
+def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
+    """At a plain size, on a drive with everything in it."""
+    busy = drive(15.0 + 5.0 * np.sin(0.5 * T), 0.05 * np.sin(2.0 * T))
+    base = shown(busy)
+    assert len(INDEX) == len(COLUMNS)
+    for effect in (*EFFECTS, *ROAD):
+        for parameter in effect.parameters:
+            x = nothing()
+            x[INDEX[f"{effect.name}.{parameter.name}"]] = parameter.step
+            changed = np.abs(predicted(busy, x, flat(N)) - base).max(axis=0)
+            silent = effect.name.startswith("gyro_") and parameter.name in {"x", "y", "xy", "yx", "zx", "zy"}
+            # Nothing rolls or pitches here: what only those show shows nothing.
+            silent |= effect.name == "imu_lever_arm" and parameter.name == "z_m"
+            silent |= effect.name == "gyro_g_sensitivity" or parameter.name in {"frequency_share", "damping"}
+            assert silent or changed.max() > 1e-6, (effect.name, parameter.name)
+
+
+# --- the recording ----------------------------------------------------------------------------------
+
+
+def signal(at_s: np.ndarray, values: np.ndarray) -> Signal:
+    return Signal((1_000_000_000 * (100.0 + at_s)).astype(np.int64), values)
+
+
+def test_a_ramp_passes_the_filter_unchanged_and_noise_is_measured() -> None:
+    at_s, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(3)
+    signals = {name: signal(at_s, 3.0 * at_s) for name in (*WHEEL_SPEEDS, "steering_wheel_angle")}
+    signals["gyro_x"] = signal(at_s, 0.5 * at_s + rng.normal(0.0, 0.2, len(at_s)))
+    found = recorded(signals, RATIO)
+    middle = slice(100, -100)
+    np.testing.assert_allclose(found.wheels_mps[middle, 0], 3.0 * found.time_s[middle], atol=1e-9)
+    np.testing.assert_allclose(found.road_wheel_angle_rad[middle], 3.0 * found.time_s[middle] / RATIO, atol=1e-9)
+    scatter = np.std(found.imu[middle, 0] - 0.5 * found.time_s[middle])
+    assert found.floor[0] == pytest.approx(scatter, rel=0.15)
+    assert np.isnan(found.imu[:, 1:]).all()
+
+
+def test_a_long_hole_is_not_made_up() -> None:
+    at_s = np.concatenate((np.arange(0.0, 5.0, 0.02), np.arange(6.0, 10.0, 0.02)))
+    signals = {name: signal(at_s, at_s) for name in (*WHEEL_SPEEDS, "gyro_z")}
+    found = recorded(signals, RATIO)
+    assert np.isnan(found.imu[520:580, 2]).all()
+    assert np.isfinite(found.imu[650:900, 2]).all()
+
+
+def test_the_filter_has_half_the_power_at_its_corner() -> None:
+    kernel = recordings.filter_kernel()
+    corner_hz = np.sqrt(np.log(2.0)) / (2.0 * np.pi * recordings.FILTER_S)
+    reach = len(kernel) // 2
+    response = np.sum(kernel * np.cos(2.0 * np.pi * corner_hz * DT_S * np.arange(-reach, reach + 1)))
+    assert response**2 == pytest.approx(0.5, rel=1e-2)
+    assert corner_hz == pytest.approx(2.2, abs=0.05)
+
+
+def test_channels_are_nine() -> None:
+    assert len(CHANNELS) == 9
