@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from dsz_daemon.command_line import parser
-from dsz_daemon.errors import DszError
+from dsz_daemon.errors import DszError, MachineError
 
 EXIT_INTERRUPTED = 130
 
@@ -104,8 +104,13 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 def _diagnose(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs import screen
-    from dsz_daemon.runs.diagnose import diagnose, words
 
+    try:
+        from dsz_daemon.runs.diagnose import diagnose, words
+    except ModuleNotFoundError as error:
+        if not (error.name or "").startswith("scipy"):
+            raise
+        raise MachineError("diagnose needs scipy, which is not installed: pip install dsz-daemon[desk]") from None
     with screen.progress("diagnose", arguments.json) as progress:
         result = diagnose(arguments.logs, arguments.config, arguments.output, progress)
     return _show(arguments, result, lambda: print(words(result)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -153,8 +154,9 @@ def _usual(found: Search) -> Floats:
 
 def _cause(found: Search, effect: str) -> dict[str, Any] | None:
     """One named effect; None where it is too small to be given a name."""
-    described, values = _DESCRIBED[effect], values_of(found.best, effect)
-    least = {p.name: p.least for p in described.parameters}
+    described = _DESCRIBED[effect]
+    least = {p.name: p.least for p in described.parameters if math.isfinite(p.least)}
+    values = {name: value for name, value in values_of(found.best, effect).items() if name in least}
     if described in ROAD:
         road = with_knots(found.best.road, found.best.x)
         profile = road.bank_rad if effect == "road_bank" else road.grade_rad

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,16 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "other.log").write_text("(1.0) can0 7FF#00\n(2.0) can0 7FF#00\n")
     assert main(["diagnose", str(tmp_path / "other.log"), *arguments]) == 3
     assert "none of the mapped messages" in capsys.readouterr().err
+
+
+def test_without_scipy_the_desk_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in [name for name in sys.modules if name.startswith(("dsz_daemon.diagnose", "dsz_daemon.runs.diagnose"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    assert main(["diagnose", "x.log", "-c", "x.yaml", "-o", str(tmp_path)]) == 4
+    assert "pip install dsz-daemon[desk]" in capsys.readouterr().err
 
 
 # --- the algebra -------------------------------------------------------------------------------------
