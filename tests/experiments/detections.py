@@ -46,7 +46,9 @@ def row(effect: str, found: dict[str, Any], took_s: float) -> str:
     """One line of the table."""
     causes = [cause["effect"] for cause in found["causes"]]
     causes += [error["parameter"] for error in found["parameter_errors"]]
-    right = not found["causes"] if effect in {"", "cornering_stiffness"} else causes[:1] == [effect]
+    right = causes[:1] == [effect]
+    if effect in {"", "cornering_stiffness"}:
+        right = not found["causes"] and bool(found["parameter_errors"]) == bool(effect)
     alias = bool(found["causes"]) and effect in found["causes"][0]["indistinguishable_from"]
     verdict = (
         "right"
