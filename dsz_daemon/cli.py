@@ -112,7 +112,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
             raise
         raise MachineError("diagnose needs scipy, which is not installed: pip install dsz-daemon[desk]") from None
     with screen.progress("diagnose", arguments.json) as progress:
-        result = diagnose(arguments.logs, arguments.config, arguments.output, progress)
+        # As the bar: on a terminal only. The search knows no share done; it says what it is at.
+        say = None if progress is None else lambda what: print(what, file=sys.stderr)
+        result = diagnose(arguments.logs, arguments.config, arguments.output, progress, say)
     return _show(arguments, result, lambda: print(words(result)))
 
 

@@ -23,8 +23,6 @@ FOLDS = 5
 # Slip angles divide by speed: slow driving is left out, and as long after it as a transient lasts.
 SLOW_MPS, GUARD_S = 3.0, 1.0
 STILL_MPS = 0.05
-
-
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
 FORM = 0.006
 WHEEL_FORM = 0.001
@@ -53,12 +51,15 @@ def rows_of(drive: Drive) -> Rows:
     standing = (
         np.convolve((np.max(drive.wheels, axis=1) > STILL_MPS).astype(float), np.ones(2 * guard + 1), "same") < 0.5
     )
-    at = np.arange(EVERY, n - EVERY, EVERY, dtype=np.int64)
+    # Beyond the ends nothing is known: what the filters make of that is not compared.
+    at = np.arange(guard, n - guard, EVERY, dtype=np.int64)
     measured = drive.measured[at]
     used = np.isfinite(measured)
     used &= (~near | standing)[at][:, np.newaxis]
     used[standing[at], 6:] = False
+    # What the simulation is driven by has to be there, too.
     given = np.isfinite(drive.recording.road_wheel_angle_rad)[at]
+    given &= np.isfinite(drive.recording.wheels_mps).all(axis=1)[at]
     used[~given & ~standing[at]] = False
     form = np.full(len(CHANNELS), WHEEL_FORM * float(np.sqrt(np.mean(speed**2))))
     for c in range(6):
@@ -74,6 +75,12 @@ def rows_of(drive: Drive) -> Rows:
     for c, per_rad in ((2, turns), (4, turns * moving)):
         form[c] = math.hypot(form[c], step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0)
     return Rows(at, used, (at * DT_S / BLOCK_S).astype(np.int64), np.where(used, measured, 0.0), form)
+
+
+def driven_s(drive: Drive, rows: Rows) -> float:
+    """For how long the car drives, s, in the rows that are compared."""
+    moving = np.mean(drive.wheels, axis=1)[rows.at] >= SLOW_MPS
+    return float(np.count_nonzero(rows.used.any(axis=1) & moving) * ROW_S)
 
 
 def residual(rows: Rows, prediction: Floats) -> Floats:

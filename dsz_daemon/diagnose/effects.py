@@ -176,7 +176,7 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect(
         "wheel_radius",
-        "Wheel radii are off by {fl:+.2%}, {fr:+.2%}, {rl:+.2%}, {rr:+.2%} (front left to rear right)",
+        "Wheel radii are {fl:.4f}, {fr:.4f}, {rl:.4f}, {rr:.4f} of what is configured (front left to rear right)",
         "v = (1 + k) r omega",
         WHEELS,
         _even("fl fr rl rr", "1", 0.01, 0.15, 0.001),
@@ -190,7 +190,7 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect(
         "steering_ratio",
-        "The steering ratio is {scale:+.1%} off, and varies by {per_rad:+.3f} per rad of steering wheel",
+        "The steering ratio is {scale:.3f} of what is configured, and grows by {per_rad:+.3f} per rad of hand wheel",
         "delta = delta_sensor / (ratio (1 + k + k_1 |delta_sensor|))",
         CAR,
         (Parameter("scale", "1", 0.05, -0.4, 0.4, 0.02), Parameter("per_rad", "1/rad", 0.03, -0.2, 0.2, 0.006)),

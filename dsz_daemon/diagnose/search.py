@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, rows_of, sensitivities
+from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
 from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, NUISANCES, ROAD, STIFFNESS, columns_of
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, nothing, predicted
@@ -160,9 +160,8 @@ def _spread(found: Sums, per_row: Floats, box: Box) -> Floats:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 
-def searched(drive: Drive, tolerance: Mapping[str, float], progress: Progress | None = None) -> Search:
-    """The named causes of one drive."""
-    rows = rows_of(drive)
+def searched(drive: Drive, rows: Rows, tolerance: Mapping[str, float], progress: Progress | None = None) -> Search:
+    """The named causes of one drive, of the rows that are compared."""
     say = progress or (lambda _: None)
     by_stiffness = {p.name: tolerance.get(f"{p.name}_n_per_rad", 0.0) for p in STIFFNESS}
     say("refitting offsets and stiffnesses")
@@ -229,7 +228,9 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
         if effect.name in best.effects:
             continue
         after = held_out(found, [*own, *(place[i] for i in columns_of(effect.name))], box)
-        scored.append((gain(before, after * best.scatter**2, found.counts, np.ones(9), best.form), effect.name))
+        scored.append(
+            (gain(before, after * best.scatter**2, found.counts, np.ones_like(best.form), best.form), effect.name)
+        )
     return [name for value, name in sorted(scored, reverse=True) if value > 0.5 * LEAST_GAIN]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.diagnose import search as searching
-from dsz_daemon.diagnose.comparison import floors
+from dsz_daemon.diagnose.comparison import SLOW_MPS, driven_s, floors, rows_of
 from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, ROAD, columns_of
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.prediction import CHANNELS, drive_of, predicted, with_knots
@@ -32,10 +32,13 @@ Progress = Callable[[int, int], None]
 # Of two explanations so close on unseen data, the recording does not choose.
 _ALIKE = 3.0
 _DESCRIBED = {effect.name: effect for effect in (*EFFECTS, *ROAD)}
-# An effect is worth testing for if a plain size of it would show by as much as is asked of a cause.
 _STIFFNESS_SPREADS = 3.0
 _LEAST_STIFFNESS = 0.02
 _SHORTEST_S = 20.0
+# A channel that is off by so many times its noise and the simulation's coarseness is not explained.
+_UNEXPLAINED = 3.0
+# As the contract has them: true over configured, which is 1 where nothing is left out.
+_OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr")} | {("steering_ratio", "scale")}
 
 
 def diagnose(
@@ -47,7 +50,8 @@ def diagnose(
 ) -> dict[str, Any]:
     """Writes diagnosis.json and fit.parquet of one recording (in pieces) into `folder`; returns the diagnosis.
 
-    InputError: nothing to drive the simulation with (wheel speeds), nothing to compare, or too short.
+    `say` hears what is being done. InputError: nothing to drive the simulation with (steering, wheel speeds), nothing
+    to compare, or too little of it.
     """
     setup = set_up(config)
     output_folder(folder)
@@ -56,14 +60,20 @@ def diagnose(
     missing = [name for name in WHEEL_SPEEDS if name not in signals]
     if missing:
         raise InputError(f"no samples of {', '.join(missing)}: the simulation is driven by four wheel speeds")
+    if not {"steering_wheel_angle", "road_wheel_angle"} & set(signals):
+        raise InputError("no samples of a steering angle: the simulation is driven by it")
     if not any(name in signals for name in IMU_CHANNELS):
         raise InputError("no samples of any IMU channel: there is nothing to hold the simulation against")
     vehicle = setup.settings.vehicle
     drive = drive_of(recorded(signals, vehicle.steering_ratio), vehicle.car(), vehicle.steering_ratio)
-    length_s = float(drive.recording.time_s[-1])
+    rows = rows_of(drive)
+    length_s = driven_s(drive, rows)
     if length_s < _SHORTEST_S:
-        raise InputError(f"{length_s:.1f} s of recording; expected {_SHORTEST_S:g} s or more to fit and to judge")
-    found = searching.searched(drive, setup.settings.diagnose.tolerance, say)
+        raise InputError(
+            f"{length_s:.1f} s of driving (above {SLOW_MPS:g} m/s, all signals there); "
+            f"expected {_SHORTEST_S:g} s or more to fit and to judge"
+        )
+    found = searching.searched(drive, rows, setup.settings.diagnose.tolerance, say)
     result = _result(setup, found)
     result["source"] = {"recording": [path.name for path in logs], "log": report.summary()}
     write_json(result, folder / "diagnosis.json")
@@ -86,6 +96,9 @@ def words(result: dict[str, Any]) -> str:
         f"{shape['coefficient']['unit']}, for which there is no name"
         for shape in result["unlisted"]
     ]
+    off = [f"{name} {value:.0f} times" for name, value in result["level"].items() if value > _UNEXPLAINED]
+    if off:
+        lines.append(f"- not explained: {', '.join(off)} what noise and the simulation's coarseness leave")
     for place in result["located"][:3]:
         when = f"{place['start_s']:.0f} to {place['end_s']:.0f} s"
         lines.append(f"  {place['channel']}: {when}, {place['share']:.0%} of its excess")
@@ -122,10 +135,12 @@ def _result(setup: Setup, found: Search) -> dict[str, Any]:
     causes = [cause for effect in found.best.effects if (cause := _cause(found, effect)) is not None]
     causes.sort(key=lambda cause: -cause["gain"])
     shapes = unlisted(found.drive, found.rows, found.best)
+    level = _level(found)
+    unexplained = [name for name, value in level.items() if value > _UNEXPLAINED]
     return {
-        "verdict": _verdict(causes, shapes),
+        "verdict": _verdict(causes, shapes, unexplained),
         "located": [place._asdict() for place in located(found.drive, found.rows, found.nominal.left, _usual(found))]
-        if causes or shapes
+        if causes or shapes or unexplained
         else [],
         "causes": causes,
         "parameter_errors": _parameter_errors(setup, found),
@@ -138,6 +153,7 @@ def _result(setup: Setup, found: Search) -> dict[str, Any]:
             for shape in shapes
         ],
         "fit": _fit(found),
+        "level": level,
         "could_not_test": _untested(found),
         "offsets": {name: {"value": v, "std": s} for name, (v, s) in values_of(found.best, "").items()},
         "versions": versions(),
@@ -175,6 +191,10 @@ def _cause(found: Search, effect: str) -> dict[str, Any] | None:
         cutoff_hz = 1.0 / (2.0 * np.pi * time_constant_s)
         values |= {"cutoff_hz": (cutoff_hz, cutoff_hz * std / time_constant_s)}
         units["cutoff_hz"] = "Hz"
+    values = {
+        name: (value + 1.0, std) if (effect, name) in _OVER_CONFIGURED else (value, std)
+        for name, (value, std) in values.items()
+    }
     rivals = [step for step in found.rivals[effect] if step.effect != effect]
     top = next(step.gain for step in found.rivals[effect] if step.effect == effect)
     odds = sum(float(np.exp(min(step.gain - top, 50.0))) for step in rivals)
@@ -204,8 +224,17 @@ def _parameter_errors(setup: Setup, found: Search) -> list[dict[str, Any]]:
     return errors
 
 
-def _verdict(causes: list[dict[str, Any]], shapes: list[Shape]) -> str:
-    if shapes:
+def _level(found: Search) -> dict[str, float]:
+    """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
+    n = found.best.sums.counts.sum(axis=0)
+    rms = np.sqrt(found.best.sums.left.sum(axis=0) / np.maximum(n, 1.0)) * found.best.scatter
+    expected = np.hypot(floors(found.drive), found.best.form)
+    names = channel_names(found.drive)
+    return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
+
+
+def _verdict(causes: list[dict[str, Any]], shapes: list[Shape], unexplained: list[str]) -> str:
+    if shapes or unexplained:
         return "partly_explained" if causes else "unexplained"
     return "explained" if causes else "consistent"
 

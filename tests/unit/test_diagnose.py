@@ -60,6 +60,23 @@ def test_one_thing_left_out_is_named(tmp_path: Path, effect: str, expected: tupl
     assert found["located"]
 
 
+def test_what_no_name_fits_is_not_called_consistent(tmp_path: Path) -> None:
+    """A reversed accelerometer has no name yet: the level of what is left must say that something is wrong."""
+    found = diagnosed(tmp_path, "axis_fault:channel=accel_y,kind=reversed")
+    assert found["verdict"] in {"unexplained", "partly_explained"}
+    assert found["level"]["accel_y"] > 10.0
+    assert max(value for name, value in found["level"].items() if name.startswith("gyro")) < 3.0
+    assert "accel_y" in {place["channel"] for place in found["located"]}
+
+
+def test_ratios_are_true_over_configured(tmp_path: Path) -> None:
+    """As the contract has them, not as deviations."""
+    found = diagnosed(tmp_path, "wheel_radius:fl=1.02,fr=1,rl=1,rr=1")
+    radii = values(found)
+    assert radii["fl"] / radii["rl"] == pytest.approx(1.02, abs=1e-3)
+    assert radii["rl"] == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulate("sine_steer", tmp_path, 1)
     few = [line for line in (tmp_path / "recording.log").read_text().splitlines() if "386#" not in line]
@@ -67,6 +84,14 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     arguments = ["-c", str(tmp_path / "config.yaml"), "-o", str(tmp_path / "out")]
     assert main(["diagnose", str(tmp_path / "few.log"), *arguments]) == 3
     assert "wheel_speed_fl" in capsys.readouterr().err
+    turnless = [line for line in (tmp_path / "recording.log").read_text().splitlines() if " 2B0#" not in line]
+    (tmp_path / "turnless.log").write_text("\n".join(turnless) + "\n")
+    assert main(["diagnose", str(tmp_path / "turnless.log"), *arguments]) == 3
+    assert "steering" in capsys.readouterr().err
+    standing = (tmp_path / "recording.log").read_text().splitlines()[:2500]
+    (tmp_path / "standing.log").write_text("\n".join(standing) + "\n")
+    assert main(["diagnose", str(tmp_path / "standing.log"), *arguments]) == 3
+    assert "0.0 s of driving" in capsys.readouterr().err
     (tmp_path / "other.log").write_text("(1.0) can0 7FF#00\n(2.0) can0 7FF#00\n")
     assert main(["diagnose", str(tmp_path / "other.log"), *arguments]) == 3
     assert "none of the mapped messages" in capsys.readouterr().err
