@@ -58,8 +58,8 @@ def rows_of(drive: Drive) -> Rows:
     used &= (~near | standing)[at][:, np.newaxis]
     used[standing[at], 6:] = False
     # What the simulation is driven by has to be there, too.
-    given = np.isfinite(drive.recording.road_wheel_angle_rad)[at]
-    given &= np.isfinite(drive.recording.wheels_mps).all(axis=1)[at]
+    inputs = np.column_stack([drive.recording.road_wheel_angle_rad, drive.recording.wheels_mps])
+    given = np.isfinite(np.sum(inputs, axis=1))[at]
     used[~given & ~standing[at]] = False
     form = np.full(len(CHANNELS), WHEEL_FORM * float(np.sqrt(np.mean(speed**2))))
     for c in range(6):
