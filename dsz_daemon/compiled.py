@@ -24,7 +24,13 @@ F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parent
 # What compiled functions are made of, constants included.
-_SOURCES = ("core/*.py", "sim/*.py", "diagnose/motion.py", "diagnose/prediction.py", "signals.py", "compiled.py")
+_COMPILED_IN_DIAGNOSE = (
+    "diagnose/motion.py",
+    "diagnose/instruments.py",
+    "diagnose/prediction.py",
+    "diagnose/evidence.py",
+)
+_SOURCES = ("core/*.py", "sim/*.py", *_COMPILED_IN_DIAGNOSE, "signals.py", "compiled.py")
 _PREFIX = "compiled-"
 
 

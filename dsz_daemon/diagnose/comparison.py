@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.effects import COLUMNS
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, predicted
+from dsz_daemon.diagnose.effects import COLUMNS, OFFSETS, SENSORS, TOUCHES
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, filter_kernel
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
@@ -117,8 +117,12 @@ def floors(drive: Drive) -> Floats:
 
 def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Floats, columns: Sequence[int]) -> Floats:
     """Secants (k, 9, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
-    found = np.empty((len(rows.at), len(CHANNELS), len(columns)))
+    found = np.zeros((len(rows.at), len(CHANNELS), len(columns)))
+    moving = driven(drive, x, road)
     for place, i in enumerate(columns):
+        if i < len(OFFSETS):
+            found[:, i, place] = rows.used[:, i]
+            continue
         parameter = COLUMNS[i][1]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
         # Close to the value: an effect that is there already is not stepped over.
@@ -126,5 +130,7 @@ def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Flo
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        found[:, :, place] = np.where(rows.used, (predicted(drive, moved, road) - base)[rows.at] / step, 0.0)
+        there = shown(drive, moved, moving) if TOUCHES[i] == SENSORS else predicted(drive, moved, road)
+        found[:, :, place] = (there - base)[rows.at] / step
+    found *= rows.used[:, :, np.newaxis]
     return found

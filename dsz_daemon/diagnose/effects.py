@@ -258,6 +258,8 @@ COLUMNS: tuple[tuple[str, Parameter], ...] = (
     *((effect.name, parameter) for effect in (*EFFECTS, *ROAD) for parameter in effect.parameters),
 )
 INDEX = {(f"{effect}." if effect else "") + parameter.name: i for i, (effect, parameter) in enumerate(COLUMNS)}
+_TOUCHED = {effect.name: effect.touches for effect in (*EFFECTS, *ROAD)}
+TOUCHES = tuple(_TOUCHED.get(effect, CAR) for effect, _ in COLUMNS)
 NUISANCES = tuple(range(len(OFFSETS) + len(STIFFNESS)))
 
 

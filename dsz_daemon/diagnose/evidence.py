@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from dsz_daemon.diagnose.comparison import FOLDS, Bools, Rows
+from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose.comparison import FOLDS, Bools, Ints, Rows
 from dsz_daemon.diagnose.prediction import Floats
 
 _CORRELATED_FOR_ROWS = 250
@@ -41,16 +42,43 @@ def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
         np.zeros((blocks, channels)),
         np.zeros((blocks, channels)),
     )
-    edges = np.searchsorted(rows.block, np.arange(blocks + 1))
-    for b in range(blocks):
-        part = slice(edges[b], edges[b + 1])
-        for c in range(channels):
-            j, r = slopes[part, c] / std[c], left[part, c] / std[c]
-            found.squares[b, c] = j.T @ j
-            found.cross[b, c] = j.T @ r
-            found.left[b, c] = r @ r
-            found.counts[b, c] = np.count_nonzero(rows.used[part, c])
+    _add_up(rows.block, rows.used, left / std, np.ascontiguousarray(slopes / std[:, np.newaxis]), *found)
     return found
+
+
+@compiled
+def _add_up(
+    block: Ints,
+    used: Bools,
+    left: Floats,
+    slopes: Floats,
+    squares: Floats,
+    cross: Floats,
+    power: Floats,
+    counts: Floats,
+) -> None:
+    """Adds each row to its block's sums; what a channel does not feel of a parameter costs nothing."""
+    p = slopes.shape[2]
+    for k in range(len(block)):
+        for c in range(left.shape[1]):
+            if not used[k, c]:
+                continue
+            b, slope = block[k], slopes[k, c]
+            counts[b, c] += 1.0
+            power[b, c] += left[k, c] * left[k, c]
+            for i in range(p):
+                mine = slope[i]
+                if mine == 0.0:
+                    continue
+                cross[b, c, i] += mine * left[k, c]
+                row = squares[b, c, i]
+                for j in range(i + 1):
+                    row[j] += mine * slope[j]
+    for b in range(squares.shape[0]):
+        for c in range(squares.shape[1]):
+            for i in range(p):
+                for j in range(i):
+                    squares[b, c, j, i] = squares[b, c, i, j]
 
 
 def solved(squares: Floats, cross: Floats, box: Box) -> Floats:

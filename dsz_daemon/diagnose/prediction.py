@@ -12,6 +12,7 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import COLUMNS, INDEX, KNOTS
+from dsz_daemon.diagnose.instruments import felt, rolled
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, Recording, filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
@@ -110,28 +111,45 @@ def _integrated(p: Floats, q: Floats, r: Floats, banks: bool, climbs: bool) -> t
     return bank, slope
 
 
+class Moving(NamedTuple):
+    """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road."""
+
+    moved: Floats
+    v_mps: Floats
+    v_rate: Floats
+    slips: Floats
+    radii: Floats
+    cg_to_front_axle_m: float
+    road: Profiles
+
+
 def predicted(drive: Drive, x: Floats, road: Profiles) -> Floats:
     """All channels (n, 9) for the parameters `x` (in the order of `COLUMNS`), on this road and `x`'s corrections."""
+    return shown(drive, x, driven(drive, x, road))
+
+
+def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
+    """The car's motion for the parameters `x`; of those that `touches` calls the sensors' it knows nothing."""
     road = with_knots(road, x)
 
     def at(name: str) -> float:
         return float(x[INDEX[name]])
 
-    car, n = drive.car, len(drive.steer)
-    hand = np.abs(drive.steer) * drive.steering_ratio
-    ratio = 1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand
-    steer = earlier(drive.steer / ratio, at("steering_delay.delay_s")) + at("steering_offset.offset_rad")
+    car = drive.car
+    steer = drive.steer
+    if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
+        hand = np.abs(steer) * drive.steering_ratio
+        steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
+    steer = earlier(steer, at("steering_delay.delay_s")) + at("steering_offset.offset_rad")
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
-    wheels = drive.wheels * radii
-    delay_s = at("wheel_speed_delay.delay_s")
-    if delay_s > 0.0:
-        wheels = np.column_stack([earlier(wheels[:, i], delay_s) for i in range(4)])
-    v = np.mean(wheels[:, :2] if drive.front_gives_speed else wheels[:, 2:], axis=1)
+    own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
+    v = earlier(drive.wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
     if drive.front_gives_speed:
         v = v / np.cos(steer)
-    slips = _slips(car, at("wheel_slip.slip_per_force"), np.gradient(v, DT_S) + G * road.grade_rad)
-    own = slips[:, :2] if drive.front_gives_speed else slips[:, 2:]
-    v = v / (1.0 + own[:, 0])
+    slips = np.zeros((len(v), 4))
+    if at("wheel_slip.slip_per_force") != 0.0:
+        slips = _slips(car, at("wheel_slip.slip_per_force"), np.gradient(v, DT_S) + G * road.grade_rad)
+        v = v / (1.0 + slips[:, own.start])
     v_rate = np.gradient(v, DT_S)
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf, lr = car.cg_to_front_axle_m - shift, car.cg_to_rear_axle_m + shift
@@ -154,17 +172,24 @@ def predicted(drive: Drive, x: Floats, road: Profiles) -> Floats:
     )
     grip = road.grip + at("tyre_saturation.inverse_square")
     m = moved(model, steer, v, v_rate, grip, road.side_n, road.bank_rad, DT_S)
-    imu = _imu(m, v, v_rate, road, at, shift)
-    r, vy, delta = m[:, motion.R], m[:, motion.VY], m[:, motion.DELTA]
-    shown = _wheels(car, v, vy, r, delta, lf, slips) / radii
-    if delay_s > 0.0:
-        shown = np.column_stack([earlier(shown[:, i], -delay_s) for i in range(4)])
-    own_at, other_at = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
-    out = np.empty((n, len(CHANNELS)))
-    out[:, :6] = imu
-    out[:, 6], out[:, 7] = shown[:, other_at[0]], shown[:, other_at[1]]
+    return Moving(m, v, v_rate, slips, radii, lf, road)
+
+
+def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
+    """What the instruments make of the motion: all channels (n, 9)."""
+    car, delay_s = drive.car, float(x[INDEX["wheel_speed_delay.delay_s"]])
+    wheels = rolled(
+        moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, car.front_track_m, car.rear_track_m
+    )
+    wheels /= moving.radii
+    if delay_s != 0.0:
+        wheels = np.column_stack([earlier(wheels[:, i], -delay_s) for i in range(4)])
+    own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
+    out = np.empty((len(wheels), len(CHANNELS)))
+    out[:, :6] = _imu(x, moving, moving.cg_to_front_axle_m - car.cg_to_front_axle_m)
+    out[:, 6], out[:, 7] = wheels[:, other[0]], wheels[:, other[1]]
     out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
-    out[:, 8] = shown[:, own_at[1]] - shown[:, own_at[0]]
+    out[:, 8] = wheels[:, own[1]] - wheels[:, own[0]]
     return out
 
 
@@ -191,59 +216,43 @@ def _slips(car: Car, slip: float, pull_mps2: Floats) -> Floats:
     return slips
 
 
-def _wheels(car: Car, v: Floats, vy: Floats, r: Floats, delta: Floats, lf: float, slips: Floats) -> Floats:
-    """Each wheel's speed along its own heading (n, 4), slip included."""
-    front = np.column_stack([v - 0.5 * r * car.front_track_m, v + 0.5 * r * car.front_track_m])
-    front = front * np.cos(delta)[:, np.newaxis] + ((vy + lf * r) * np.sin(delta))[:, np.newaxis]
-    rear = np.column_stack([v - 0.5 * r * car.rear_track_m, v + 0.5 * r * car.rear_track_m])
-    return np.column_stack([front, rear]) * (1.0 + slips)
+def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
+    """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
 
+    def at(name: str) -> float:
+        return float(x[INDEX[name]])
 
-def _imu(m: Floats, v: Floats, v_rate: Floats, road: Profiles, at: Any, shift_m: float) -> Floats:
-    """The IMU's readings (n, 6): motion and gravity at its place, then the sensors' own faults."""
-    r, r_rate, vy = m[:, motion.R], m[:, motion.R_RATE], m[:, motion.VY]
-    bank, slope = road.bank_rad, -road.grade_rad
-    # Euler rates to body rates, first order in the angles; the body's lean turns with the car.
-    roll, pitch = bank + m[:, motion.ROLL], slope + m[:, motion.PITCH]
-    p_road, q_road = np.gradient(bank, DT_S) - r * slope, np.gradient(slope, DT_S) + r * bank
-    p = p_road + m[:, motion.ROLL_RATE] - r * m[:, motion.PITCH]
-    q = q_road + m[:, motion.PITCH_RATE] + r * m[:, motion.ROLL]
-    # Along the road's own axes first; the body is turned against these by its lean and its dive.
-    along, across = v_rate - r * vy, m[:, motion.AY]
-    lean, dive = m[:, motion.ROLL], m[:, motion.PITCH]
-    ax = along * np.cos(dive) - G * np.sin(pitch)
-    ay = across * np.cos(lean) + G * np.sin(roll)
-    az = -q_road * v + p_road * vy + G * np.cos(roll) * np.cos(pitch) - across * np.sin(lean) + along * np.sin(dive)
-    x, y, z = at("imu_lever_arm.x_m") - shift_m, at("imu_lever_arm.y_m"), at("imu_lever_arm.z_m")
-    p_rate, q_rate = np.gradient(p, DT_S), np.gradient(q, DT_S)
-    force = np.column_stack(
-        [
-            ax - (q * q + r * r) * x + (p * q - r_rate) * y + (p * r + q_rate) * z,
-            ay + (p * q + r_rate) * x - (p * p + r * r) * y + (q * r - p_rate) * z,
-            az + (p * r - q_rate) * x + (q * r + p_rate) * y - (p * p + q * q) * z,
-        ]
-    )
-    rate = np.column_stack([p, q, r])
+    lever = np.array([at("imu_lever_arm.x_m") + ahead_m, at("imu_lever_arm.y_m"), at("imu_lever_arm.z_m")])
     turn_x, turn_y, turn_z = (at(f"imu_misalignment.{axis}_rad") for axis in ("roll", "pitch", "yaw"))
     turn = np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
-    force, rate = force @ turn.T, rate @ turn.T
-    pulled = rate @ _matrix(at, "gyro_scale", "gyro_cross_axis").T
-    pulled = pulled + force @ np.array([[at(f"gyro_g_sensitivity.{i}{j}") for j in "xyz"] for i in "xyz"]).T
-    felt = force @ _matrix(at, "accel_scale", "accel_cross_axis").T
-    shown = np.column_stack([pulled, felt])
+    pulls = np.array([[at(f"gyro_g_sensitivity.{i}{j}") for j in "xyz"] for i in "xyz"])
+    reads = felt(
+        moving.moved,
+        moving.v_mps,
+        moving.v_rate,
+        moving.road.bank_rad,
+        moving.road.grade_rad,
+        lever,
+        _matrix(at, "gyro_scale", "gyro_cross_axis") @ turn,
+        pulls @ turn,
+        _matrix(at, "accel_scale", "accel_cross_axis") @ turn,
+        DT_S,
+    )
     time_constant_s = at("sensor_bandwidth.time_constant_s")
     if time_constant_s > 0.0:
         keep = math.exp(-DT_S / time_constant_s)
         # Exact for what is straight between two instants, so that the sampling adds no delay of its own.
         share = 1.0 + (keep - 1.0) * time_constant_s / DT_S
         rest = 1.0 - keep - share
-        shown = lfilter([share, rest], [1.0, -keep], shown, axis=0, zi=(shown[0] * (1.0 - share))[np.newaxis])[0]
+        reads = lfilter([share, rest], [1.0, -keep], reads, axis=0, zi=(reads[0] * (1.0 - share))[np.newaxis])[0]
     if at("imu_delay.delay_s") > 0.0:
-        shown = np.column_stack([earlier(shown[:, i], -at("imu_delay.delay_s")) for i in range(6)])
-    time_s = DT_S * np.arange(len(r)) - 0.5 * DT_S * len(r)
-    for i, channel in enumerate(IMU_CHANNELS):
-        shown[:, i] += at(f"offset_{channel}") + at(f"bias_drift.{channel}") * time_s
-    return np.asarray(shown, dtype=np.float64)
+        reads = np.column_stack([earlier(reads[:, i], -at("imu_delay.delay_s")) for i in range(6)])
+    reads += np.array([at(f"offset_{channel}") for channel in IMU_CHANNELS])
+    drift = np.array([at(f"bias_drift.{channel}") for channel in IMU_CHANNELS])
+    if drift.any():
+        time_s = DT_S * np.arange(len(reads)) - 0.5 * DT_S * len(reads)
+        reads += time_s[:, np.newaxis] * drift
+    return np.asarray(reads, dtype=np.float64)
 
 
 def _matrix(at: Any, scale: str, cross: str) -> Floats:
