@@ -12,6 +12,7 @@ equation would live on in its callers. So the kept ones have a folder by what al
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import shutil
@@ -23,14 +24,13 @@ from typing import Any, TypeVar, cast
 F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parent
-# What compiled functions are made of, constants included.
-_COMPILED_IN_DIAGNOSE = (
-    "diagnose/motion.py",
-    "diagnose/instruments.py",
-    "diagnose/prediction.py",
-    "diagnose/evidence.py",
-)
-_SOURCES = ("core/*.py", "sim/*.py", *_COMPILED_IN_DIAGNOSE, "signals.py", "compiled.py")
+# What compiled functions are made of, constants included; those of one package call none of another.
+_SOURCES = {
+    "core": ("core/*.py",),
+    "sim": ("sim/*.py",),
+    "diagnose": ("diagnose/motion.py", "diagnose/instruments.py", "diagnose/prediction.py", "diagnose/evidence.py"),
+}
+_OF_ALL = ("signals.py", "compiled.py")
 _PREFIX = "compiled-"
 
 
@@ -47,13 +47,15 @@ numba = _compiler()
 IS_COMPILED = numba is not None
 
 
-def _kept_in() -> Path | None:
-    """The first folder that may be written; what older sources left in it is taken away."""
+@functools.cache
+def _kept_in(package: str) -> Path | None:
+    """The first folder that may be written, for one package's functions; what older sources left is taken away."""
     content = hashlib.sha256()
-    for pattern in _SOURCES:
+    for pattern in (*_SOURCES.get(package, ("**/*.py",)), *_OF_ALL):
         for source in sorted(_PACKAGE.glob(pattern)):
             content.update(source.read_bytes())
-    name = _PREFIX + content.hexdigest()[:16]
+    prefix = f"{_PREFIX}{package}-"
+    name = prefix + content.hexdigest()[:16]
     # Not in a folder that others may write: what is kept is loaded as code.
     for place in (_PACKAGE / "__pycache__", Path("~/.cache/dsz-daemon")):
         try:
@@ -62,25 +64,23 @@ def _kept_in() -> Path | None:
             (folder / ".used").touch()
         except (OSError, RuntimeError):
             continue
-        for old in folder.parent.glob(_PREFIX + "*"):
+        for old in folder.parent.glob(prefix + "*"):
             if old != folder:
                 shutil.rmtree(old, ignore_errors=True)
         return folder
     return None
 
 
-_KEPT_IN = _kept_in() if IS_COMPILED else None
-
-
 def compiled(function: F) -> F:
     """Compiles the function at its first call, for this and later processes; without numba, leaves it as it is."""
     if not IS_COMPILED:
         return function
-    if _KEPT_IN is None:
-        return cast(F, numba.njit(function))
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_KEPT_IN)
+    kept_in = _kept_in(function.__module__.partition(".")[2].partition(".")[0])
+    if kept_in is None:
+        return cast(F, numba.njit(nogil=True)(function))
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(kept_in)
     try:
-        return cast(F, numba.njit(cache=True)(function))
+        return cast(F, numba.njit(cache=True, nogil=True)(function))
     finally:
         numba.config.CACHE_DIR = before
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.effects import COLUMNS, OFFSETS, SENSORS, TOUCHES
+from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, filter_kernel
 
@@ -24,7 +24,7 @@ FOLDS = 5
 SLOW_MPS, GUARD_S = 3.0, 1.0
 STILL_MPS = 0.05
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
-FORM = 0.006
+FORM = 0.003
 WHEEL_FORM = 0.001
 
 
@@ -119,18 +119,19 @@ def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Flo
     """Secants (k, 9, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
     found = np.zeros((len(rows.at), len(CHANNELS), len(columns)))
     moving = driven(drive, x, road)
+    touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
     for place, i in enumerate(columns):
         if i < len(OFFSETS):
             found[:, i, place] = rows.used[:, i]
             continue
-        parameter = COLUMNS[i][1]
+        effect, parameter = drive.vocabulary.columns[i]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
         # Close to the value: an effect that is there already is not stepped over.
         if x[i] != 0.0:
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        there = shown(drive, moved, moving) if TOUCHES[i] == SENSORS else predicted(drive, moved, road)
+        there = shown(drive, moved, moving) if touches.get(effect, CAR) == SENSORS else predicted(drive, moved, road)
         found[:, :, place] = (there - base)[rows.at] / step
     found *= rows.used[:, :, np.newaxis]
     return found

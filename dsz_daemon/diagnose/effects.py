@@ -8,7 +8,12 @@ message's own few milliseconds, counted poles and a differentiated speed do as m
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 CAR, SENSORS, WHEELS = "car", "sensors", "wheels"
 
@@ -24,14 +29,34 @@ class Parameter(NamedTuple):
     least: float
 
 
+class Motion(NamedTuple):
+    """What the simulated car does, all (n,), for effects of one's own; `lateral_mps2` is v_y' + r v."""
+
+    time_s: Floats
+    speed_mps: Floats
+    along_mps2: Floats
+    sideslip_mps: Floats
+    yaw_rate_radps: Floats
+    lateral_mps2: Floats
+    road_wheel_angle_rad: Floats
+
+
+# What is added to the channels (by their names) that are compared, of the motion and the parameters' values by name.
+Shows = Callable[[Motion, Mapping[str, float]], Mapping[str, Floats]]
+
+
 class Effect(NamedTuple):
-    """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew."""
+    """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
+
+    The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels.
+    """
 
     name: str
     words: str
     equation: str
     touches: str
     parameters: tuple[Parameter, ...]
+    shows: Shows | None = None
 
 
 def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -> tuple[Parameter, ...]:
@@ -41,11 +66,14 @@ def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
-# How quickly a body leans, and how soon it is still, against the kernel's own values; nobody is told of these.
+# How quickly a body leans, and how soon it is still, against the kernel's own values, and how far the C.G. is above
+# (and ahead of) the axis that it leans about; nobody is told of these.
 _BODY = (
     Parameter("frequency_share", "1", 0.1, -0.5, 1.0, math.inf),
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
+    Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
+_PITCH = (*_BODY, Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf))
 
 EFFECTS: tuple[Effect, ...] = (
     Effect(
@@ -151,7 +179,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The body dives by {pitch_gradient_rad_per_mps2:.4f} rad per m/s2 of braking",
         "reading_x = a_x - g theta, theta = -k a_x when steady",
         CAR,
-        (Parameter("pitch_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY),
+        (Parameter("pitch_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_PITCH),
     ),
     Effect(
         "tyre_saturation",
@@ -172,7 +200,11 @@ EFFECTS: tuple[Effect, ...] = (
         "Driven and braked wheels slip by {slip_per_force:.3f} per (longitudinal over vertical force)",
         "r omega = v (1 + k F_x / F_z)",
         WHEELS,
-        (Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.005),),
+        (
+            Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.005),
+            # Against brakes that work by static load.
+            Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
+        ),
     ),
     Effect(
         "wheel_radius",
@@ -219,7 +251,48 @@ EFFECTS: tuple[Effect, ...] = (
             Parameter("cg_shift_m", "m", 0.1, -0.8, 0.8, 0.03),
         ),
     ),
+    Effect(
+        "cornering_stiffness",
+        "Cornering stiffness is {front_scale:.2f} of what is configured at the front and {rear_scale:.2f} at the rear",
+        "F_y = C alpha",
+        CAR,
+        (
+            Parameter("front_scale", "1", 0.1, -0.6, 1.5, 0.02),
+            Parameter("rear_scale", "1", 0.1, -0.6, 1.5, 0.02),
+        ),
+    ),
+    Effect(
+        "sensor_saturation",
+        "Readings clip",
+        "|reading| <= limit",
+        SENSORS,
+        (
+            Parameter("accel_limit_mps2", "m/s2", 0.2, 0.0, 100.0, 0.1),
+            Parameter("gyro_limit_radps", "rad/s", 0.01, 0.0, 10.0, 0.01),
+        ),
+    ),
+    Effect(
+        "low_friction",
+        "Grip ends at a friction coefficient of some {friction_coefficient:.2f} from {start_s:.1f} to {end_s:.1f} s",
+        "F = mu F_z tanh(C alpha / (mu F_z)) for a while",
+        CAR,
+        (
+            Parameter("inverse_square", "1", 1.0, 0.0, 400.0, 0.3),
+            Parameter("start_s", "s", 5.0, 0.0, 1e5, math.inf),
+            Parameter("end_s", "s", 5.0, 0.0, 1e5, math.inf),
+        ),
+    ),
+    Effect(
+        "side_wind",
+        "The air pushes sideways with {rms_n:.0f} N (rms)",
+        "m (v_y' + r v) = F_y + F_air, I_z r' = M_z + x F_air",
+        CAR,
+        (Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf),),
+    ),
 )
+
+# What has no slope at 0: really fitted from a guess, never screened by a secant.
+GUESSED = ("sensor_saturation", "low_friction")
 
 # The road's profiles: what the roll and pitch gyros have left over, integrated, and corrections between KNOTS.
 KNOTS = 12
@@ -251,18 +324,56 @@ OFFSETS = (
     *_even("offset_accel_x offset_accel_y offset_accel_z", "m/s2", 0.1, 5.0),
 )
 STIFFNESS = _even("front_cornering_stiffness rear_cornering_stiffness", "1", 0.05, 0.1)
-
-# All parameters in a row: (effect, parameter); effect "" for what is refitted first.
-COLUMNS: tuple[tuple[str, Parameter], ...] = (
-    *(("", parameter) for parameter in (*OFFSETS, *STIFFNESS)),
-    *((effect.name, parameter) for effect in (*EFFECTS, *ROAD) for parameter in effect.parameters),
+# How much of the driving and braking force turns with the front wheels, and how parallel these steer: cars are drawn
+# with it and without, with two wheels or four.
+FORM = (
+    Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
+    Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
 )
+
+
+class Vocabulary(NamedTuple):
+    """What may have been left out: the rows above, and those of one's own behind them.
+
+    `columns`: all parameters in a row, (effect, parameter), effect "" for what is refitted first.
+    """
+
+    effects: tuple[Effect, ...]
+    columns: tuple[tuple[str, Parameter], ...]
+
+    def columns_of(self, effect: str) -> tuple[int, ...]:
+        """Where the parameters of one effect stand."""
+        return tuple(i for i, (name, _) in enumerate(self.columns) if name == effect)
+
+    def described(self, effect: str) -> Effect:
+        """The row of this name."""
+        return next(row for row in self.effects if row.name == effect)
+
+    def own(self) -> tuple[Effect, ...]:
+        """The user's own rows."""
+        return tuple(effect for effect in self.effects if effect.shows is not None)
+
+
+def vocabulary(own: tuple[Effect, ...] = ()) -> Vocabulary:
+    """The built-in rows and one's own; ValueError: a name that is there already, or nothing that it shows."""
+    for effect in own:
+        if effect.shows is None:
+            raise ValueError(f"effect {effect.name!r} shows nothing; expected a function of the motion in `shows`")
+    effects = (*EFFECTS, *ROAD, *own)
+    names = [effect.name for effect in effects]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"effects {', '.join(twice)} are there twice; expected names of their own")
+    first = tuple(("", parameter) for parameter in (*OFFSETS, *STIFFNESS, *FORM))
+    return Vocabulary(effects, (*first, *((e.name, parameter) for e in effects for parameter in e.parameters)))
+
+
+BUILT_IN = vocabulary()
+COLUMNS = BUILT_IN.columns
 INDEX = {(f"{effect}." if effect else "") + parameter.name: i for i, (effect, parameter) in enumerate(COLUMNS)}
-_TOUCHED = {effect.name: effect.touches for effect in (*EFFECTS, *ROAD)}
-TOUCHES = tuple(_TOUCHED.get(effect, CAR) for effect, _ in COLUMNS)
-NUISANCES = tuple(range(len(OFFSETS) + len(STIFFNESS)))
+NUISANCES = tuple(range(len(OFFSETS) + len(STIFFNESS) + len(FORM)))
 
 
 def columns_of(effect: str) -> tuple[int, ...]:
-    """Where the parameters of one effect stand."""
-    return tuple(i for i, (name, _) in enumerate(COLUMNS) if name == effect)
+    """Where the parameters of one built-in effect stand."""
+    return BUILT_IN.columns_of(effect)

@@ -31,15 +31,18 @@ def felt(
     bank_rad: Floats,
     grade_rad: Floats,
     lever_m: Floats,
+    body_m: Floats,
     rates_of_rates: Floats,
     rates_of_forces: Floats,
     forces_of_forces: Floats,
     dt_s: float,
 ) -> Floats:
-    """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., of motion (n, 10),
-    speed, its rate, bank and grade (n,).
+    """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., which is `body_m` (3,) from what the body leans about.
 
-    The matrices (3, 3) are the sensors': rates shown of rates and of forces, forces shown of forces.
+    The last: above the roll axis, above and ahead of the pitch axis.
+
+    Of motion (n, 10), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
+    rates and of forces, forces shown of forces.
     """
     n = len(v_mps)
     p, q = np.empty(n), np.empty(n)
@@ -66,6 +69,12 @@ def felt(
         az = -q_road * v + p_road * vy + G * math.cos(roll) * math.cos(pitch)
         az += along * math.sin(dive) - across * math.sin(lean)
         p_rate, q_rate = slope_at(p, i, dt_s), slope_at(q, i, dt_s)
+        before, after = max(i - 1, 0), min(i + 1, n - 1)
+        rolling = (moved[after, 6] - moved[before, 6]) / (dt_s * (after - before))
+        diving = (moved[after, 8] - moved[before, 8]) / (dt_s * (after - before))
+        ax += body_m[1] * diving
+        ay -= body_m[0] * rolling
+        az -= body_m[2] * diving
         rate[0], rate[1], rate[2] = p[i], q[i], r
         force[0] = ax - (q[i] * q[i] + r * r) * x + (p[i] * q[i] - r_rate) * y + (p[i] * r + q_rate) * z
         force[1] = ay + (p[i] * q[i] + r_rate) * x - (p[i] * p[i] + r * r) * y + (q[i] * r - p_rate) * z

@@ -45,6 +45,10 @@ class CarModel(NamedTuple):
     pitch_gradient: float
     pitch_radps: float
     pitch_damping: float
+    wind_ahead_m: float
+    steered_pull: float
+    parallel_steer: float
+    front_track_m: float
 
 
 @compiled
@@ -54,6 +58,26 @@ def _limited(force: float, load_n: float, grip: float) -> float:
         return force
     x = abs(force) * math.sqrt(grip) / load_n
     return force if x < 1e-9 else force * math.tanh(x) / x
+
+
+@compiled
+def _pulled(car: CarModel, front_n: float, along_mps2: float, delta: float) -> float:
+    """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta."""
+    return car.steered_pull * (car.mass_kg * along_mps2 + front_n * math.sin(delta)) * math.tan(delta)
+
+
+@compiled
+def _scrubbed(car: CarModel, heading: float, curvature: float, delta: float) -> tuple[float, float]:
+    """What front wheels that steer alike do beyond one in the middle: force to the left, and yaw moment.
+
+    With e = (track / 2) r / v the inner one rolls at v (1 - e), the outer one at v (1 + e): their headings are
+    heading / (1 -+ e), on average heading (1 + e^2), and F_outer - F_inner = C heading e, each with a part
+    F sin(delta) along, track / 2 from the middle.
+    """
+    half = 0.5 * car.front_track_m
+    e = half * curvature
+    one = car.parallel_steer * car.front_stiffness * heading * e
+    return -one * e, -one * half * math.sin(delta) - one * e * car.cg_to_front_axle_m
 
 
 @compiled
@@ -97,8 +121,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
         cos = math.cos(delta)
         if v >= ROLLING_MPS:
-            ay = (front * cos + rear + outside) / car.mass_kg
-            r_rate = (front * cos * lf - rear * lr) / car.yaw_inertia_kgm2
+            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy, delta)
+            scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, delta)
+            ay = (steered + rear + outside + scrub_n) / car.mass_kg
+            r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) / car.yaw_inertia_kgm2
         row = rows[i]
         row[0], row[1], row[2], row[3], row[4] = vy, r, r_rate, ay, front
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
@@ -128,7 +154,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             share = -math.expm1(-v_mid * dt_s / car.relaxation_m)
             front += share * (front_goal - front)
             rear += share * (rear_goal - rear)
-        cos = math.cos(delta_mid)
-        vy += dt_s * ((front_mid * cos + rear_mid + outside) / car.mass_kg - r_mid * v_mid)
-        r += dt_s * (front_mid * cos * lf - rear_mid * lr) / car.yaw_inertia_kgm2
+        along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid
+        steered = front_mid * math.cos(delta_mid) + _pulled(car, front_mid, along, delta_mid)
+        scrub_n, scrub_nm = _scrubbed(car, (vy_mid + lf * r_mid) / v_mid, r_mid / v_mid, delta_mid)
+        vy += dt_s * ((steered + rear_mid + outside + scrub_n) / car.mass_kg - r_mid * v_mid)
+        turning = steered * lf - rear_mid * lr + scrub_nm + car.wind_ahead_m * side_n[i]
+        r += dt_s * turning / car.yaw_inertia_kgm2
     return rows

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.effects import COLUMNS, INDEX, KNOTS
+from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
 from dsz_daemon.diagnose.instruments import felt, rolled
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, Recording, filter_kernel, filtered
@@ -25,6 +25,12 @@ CHANNELS = (*IMU_CHANNELS, "wheel_other_left", "wheel_other_right", "wheel_diffe
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
+_ACROSS = 4
+_AT_LIMIT = 1.05
+# Of the configured stiffness: less is no tyre.
+_SOFTEST = 0.05
+# A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
+_WIND_ROUNDS = 15
 
 
 class Drive(NamedTuple):
@@ -37,6 +43,7 @@ class Drive(NamedTuple):
     wheels: Floats
     measured: Floats
     front_gives_speed: bool
+    vocabulary: Vocabulary = BUILT_IN
 
 
 class Profiles(NamedTuple):
@@ -48,7 +55,7 @@ class Profiles(NamedTuple):
     grip: Floats
 
 
-def drive_of(recording: Recording, car: Car, steering_ratio: float) -> Drive:
+def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: Vocabulary = BUILT_IN) -> Drive:
     """A drive; short holes in steering and wheel speeds are bridged for the simulation's sake."""
     front = car.rear_driven and not car.front_driven
     steer = _bridged(recording.road_wheel_angle_rad)
@@ -57,7 +64,7 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float) -> Drive:
     raw = recording.wheels_mps
     measured = np.column_stack([recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]]])
     measured[:, _ALONG] = filtered(measured[:, _ALONG], _ALONG_KERNEL)
-    return Drive(car, steering_ratio, recording, steer, wheels, measured, front)
+    return Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary)
 
 
 def flat(n: int) -> Profiles:
@@ -73,8 +80,8 @@ def _bridged(values: Floats) -> Floats:
     return np.asarray(np.interp(np.arange(len(values)), known, values[known]), dtype=np.float64)
 
 
-def with_knots(road: Profiles, x: Floats) -> Profiles:
-    """The road with the corrections that `x` puts on its profiles."""
+def on_road(road: Profiles, x: Floats) -> Profiles:
+    """The road with the corrections that `x` puts on its profiles, and with its slippery stretch."""
     n = len(road.bank_rad)
     corrected = []
     for name, profile in (("road_bank", road.bank_rad), ("road_grade", road.grade_rad)):
@@ -82,22 +89,36 @@ def with_knots(road: Profiles, x: Floats) -> Profiles:
         knots = x[first : first + KNOTS]
         change = np.interp(np.arange(n), np.linspace(0, n - 1, KNOTS), knots) if knots.any() else 0.0
         corrected.append(profile + change)
-    return road._replace(bank_rad=corrected[0], grade_rad=corrected[1])
+    grip = road.grip + x[INDEX["tyre_saturation.inverse_square"]]
+    slippery = x[INDEX["low_friction.inverse_square"]]
+    if slippery != 0.0:
+        start, end = x[INDEX["low_friction.start_s"]] / DT_S, x[INDEX["low_friction.end_s"]] / DT_S
+        place = np.arange(n)
+        inside = np.clip(place - start + 0.5, 0.0, 1.0) * np.clip(end - place + 0.5, 0.0, 1.0)
+        grip = np.maximum(grip, slippery * inside)
+    return road._replace(bank_rad=corrected[0], grade_rad=corrected[1], grip=grip)
 
 
 def felt_road(drive: Drive, x: Floats, effects: tuple[str, ...]) -> Profiles:
-    """The road that the roll and pitch gyros have felt, beyond what `x` says of them without any road.
+    """The road and the air that the IMU has felt, beyond what `x` says of it without them.
 
-    Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down.
+    Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down. The
+    side force is what the lateral accelerometer has left over, of which the tyres' answer is taken away again.
     """
     n = len(drive.steer)
     road = flat(n)
-    if not {"road_bank", "road_grade"} & set(effects):
+    if {"road_bank", "road_grade"} & set(effects):
+        left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, road)[:, :2])
+        yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
+        bank, slope = _integrated(left[:, 0], left[:, 1], yaw, "road_bank" in effects, "road_grade" in effects)
+        road = road._replace(bank_rad=bank, grade_rad=-slope)
+    if "side_wind" not in effects:
         return road
-    left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, road)[:, :2])
-    yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
-    bank, slope = _integrated(left[:, 0], left[:, 1], yaw, "road_bank" in effects, "road_grade" in effects)
-    return road._replace(bank_rad=bank, grade_rad=-slope)
+    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    for _ in range(_WIND_ROUNDS):
+        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
+        road = road._replace(side_n=road.side_n + drive.car.mass_kg * np.where(rolling, left_mps2, 0.0))
+    return road
 
 
 @compiled
@@ -130,7 +151,7 @@ def predicted(drive: Drive, x: Floats, road: Profiles) -> Floats:
 
 def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     """The car's motion for the parameters `x`; of those that `touches` calls the sensors' it knows nothing."""
-    road = with_knots(road, x)
+    road = on_road(road, x)
 
     def at(name: str) -> float:
         return float(x[INDEX[name]])
@@ -148,18 +169,21 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         v = v / np.cos(steer)
     slips = np.zeros((len(v), 4))
     if at("wheel_slip.slip_per_force") != 0.0:
-        slips = _slips(car, at("wheel_slip.slip_per_force"), np.gradient(v, DT_S) + G * road.grade_rad)
+        pull_mps2 = np.gradient(v, DT_S) + G * road.grade_rad
+        slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
         v = v / (1.0 + slips[:, own.start])
     v_rate = np.gradient(v, DT_S)
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf, lr = car.cg_to_front_axle_m - shift, car.cg_to_rear_axle_m + shift
+    front = at("front_cornering_stiffness") + at("cornering_stiffness.front_scale")
+    rear = at("rear_cornering_stiffness") + at("cornering_stiffness.rear_scale")
     model = CarModel(
         car.mass_kg + added,
         car.yaw_inertia_kgm2,
         lf,
         lr,
-        2.0 * car.front_cornering_stiffness_n_per_rad * (1.0 + at("front_cornering_stiffness")),
-        2.0 * car.rear_cornering_stiffness_n_per_rad * (1.0 + at("rear_cornering_stiffness")),
+        2.0 * car.front_cornering_stiffness_n_per_rad * max(1.0 + front, _SOFTEST),
+        2.0 * car.rear_cornering_stiffness_n_per_rad * max(1.0 + rear, _SOFTEST),
         at("tyre_relaxation.relaxation_length_m"),
         at("steering_compliance.rad_per_n"),
         at("steering_backlash.width_rad"),
@@ -169,9 +193,12 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("suspension_pitch.pitch_gradient_rad_per_mps2"),
         motion.BODY_RADPS * (1.0 + at("suspension_pitch.frequency_share")),
         motion.BODY_DAMPING + at("suspension_pitch.damping"),
+        at("side_wind.ahead_m"),
+        at("steered_pull"),
+        at("parallel_steer"),
+        car.front_track_m,
     )
-    grip = road.grip + at("tyre_saturation.inverse_square")
-    m = moved(model, steer, v, v_rate, grip, road.side_n, road.bank_rad, DT_S)
+    m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
     return Moving(m, v, v_rate, slips, radii, lf, road)
 
 
@@ -187,10 +214,47 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
     out = np.empty((len(wheels), len(CHANNELS)))
     out[:, :6] = _imu(x, moving, moving.cg_to_front_axle_m - car.cg_to_front_axle_m)
+    _clip(drive, x, out)
     out[:, 6], out[:, 7] = wheels[:, other[0]], wheels[:, other[1]]
-    out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
     out[:, 8] = wheels[:, own[1]] - wheels[:, own[0]]
+    _add_own(drive, x, moving, out)
+    out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
     return out
+
+
+def _clip(drive: Drive, x: Floats, out: Floats) -> None:
+    """Limits the IMU's channels; az only if it stands at the limit: a sensor's z may well reach further than 1 g."""
+    gyro, accel = x[INDEX["sensor_saturation.gyro_limit_radps"]], x[INDEX["sensor_saturation.accel_limit_mps2"]]
+    if gyro > 0.0:
+        np.clip(out[:, :3], -gyro, gyro, out=out[:, :3])
+    if accel > 0.0:
+        upright = float(np.nanmedian(np.abs(drive.measured[:, 5]))) if np.isfinite(drive.measured[:, 5]).any() else 0.0
+        last = 6 if upright < _AT_LIMIT * accel else 5
+        np.clip(out[:, 3:last], -accel, accel, out=out[:, 3:last])
+
+
+def _add_own(drive: Drive, x: Floats, moving: Moving, out: Floats) -> None:
+    """What the user's own effects show."""
+    m = moving.moved
+    for effect in drive.vocabulary.own():
+        values = {p.name: float(x[i]) for i, p in _own_parameters(drive, effect.name)}
+        if effect.shows is None or not any(values.values()):
+            continue
+        motion_ = Motion(
+            drive.recording.time_s,
+            moving.v_mps,
+            moving.v_rate - m[:, motion.R] * m[:, motion.VY],
+            m[:, motion.VY],
+            m[:, motion.R],
+            m[:, motion.AY],
+            m[:, motion.DELTA],
+        )
+        for channel, values_of in effect.shows(motion_, values).items():
+            out[:, CHANNELS.index(channel)] += values_of
+
+
+def _own_parameters(drive: Drive, name: str) -> list[tuple[int, Parameter]]:
+    return [(i, drive.vocabulary.columns[i][1]) for i in drive.vocabulary.columns_of(name)]
 
 
 def earlier(values: Floats, by_s: float) -> Floats:
@@ -201,18 +265,18 @@ def earlier(values: Floats, by_s: float) -> Floats:
     return np.asarray(np.interp(place, np.arange(len(values)), values), dtype=np.float64)
 
 
-def _slips(car: Car, slip: float, pull_mps2: Floats) -> Floats:
-    """Each wheel's slip (n, 4): drive on the driven axles, brakes by load (the same share of load everywhere)."""
+def _slips(car: Car, slip: float, front_more: float, pull_mps2: Floats) -> Floats:
+    """Each wheel's slip (n, 4): drive on the driven axles, brakes by load but for `front_more` of the front's share."""
     slips = np.zeros((len(pull_mps2), 4))
-    if slip == 0.0:
-        return slips
     wheelbase = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
     front_load, rear_load = car.cg_to_rear_axle_m / wheelbase, car.cg_to_front_axle_m / wheelbase
     front_share = front_load if car.front_driven and car.rear_driven else 1.0 if car.front_driven else 0.0
+    front_brakes = front_load * (1.0 + front_more)
     driving = np.maximum(pull_mps2, 0.0) / G
     braking = np.minimum(pull_mps2, 0.0) / G
-    slips[:, :2] = (slip * (braking + driving * front_share / front_load))[:, np.newaxis]
-    slips[:, 2:] = (slip * (braking + driving * (1.0 - front_share) / rear_load))[:, np.newaxis]
+    front = slip * (braking * front_brakes + driving * front_share) / front_load
+    rear = slip * (braking * (1.0 - front_brakes) + driving * (1.0 - front_share)) / rear_load
+    slips[:, :2], slips[:, 2:] = front[:, np.newaxis], rear[:, np.newaxis]
     return slips
 
 
@@ -223,6 +287,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         return float(x[INDEX[name]])
 
     lever = np.array([at("imu_lever_arm.x_m") + ahead_m, at("imu_lever_arm.y_m"), at("imu_lever_arm.z_m")])
+    body = [at(f"suspension_{name}_m") for name in ("roll.above", "pitch.above", "pitch.ahead")]
     turn_x, turn_y, turn_z = (at(f"imu_misalignment.{axis}_rad") for axis in ("roll", "pitch", "yaw"))
     turn = np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
     pulls = np.array([[at(f"gyro_g_sensitivity.{i}{j}") for j in "xyz"] for i in "xyz"])
@@ -233,6 +298,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         moving.road.bank_rad,
         moving.road.grade_rad,
         lever,
+        np.array(body),
         _matrix(at, "gyro_scale", "gyro_cross_axis") @ turn,
         pulls @ turn,
         _matrix(at, "accel_scale", "accel_cross_axis") @ turn,
@@ -260,6 +326,6 @@ def _matrix(at: Any, scale: str, cross: str) -> Floats:
     return np.asarray(np.eye(3) + np.array(rows), dtype=np.float64)
 
 
-def nothing() -> Floats:
+def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:
     """All parameters at 0: the nominal simulation."""
-    return np.zeros(len(COLUMNS))
+    return np.zeros(len(vocabulary.columns))

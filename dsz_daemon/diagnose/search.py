@@ -6,17 +6,21 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, NUISANCES, ROAD, STIFFNESS, columns_of
+from dsz_daemon.diagnose.effects import GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
+from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, nothing, predicted
 
 Progress = Callable[[str], None]
+# `map`, or one that works side by side.
+Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
 LEAST_GAIN = 10.0
@@ -27,6 +31,9 @@ _EFFECT_FORM = 0.03
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.03
 _TRIED = 7
+_TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
+# Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
+_RIVALS = 0.5
 _MOST_EFFECTS = 6
 _ROUNDS = 12
 
@@ -66,16 +73,18 @@ class Search(NamedTuple):
     gains: Mapping[str, float]
 
 
-def box_of(x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]) -> Box:
+def box_of(
+    parameters: Sequence[tuple[str, Parameter]], x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]
+) -> Box:
     """How far the columns may go from x: the plausible, the tolerance for configured stiffnesses."""
     low, high = [], []
     for i in columns:
-        parameter = COLUMNS[i][1]
+        parameter = parameters[i][1]
         most = tolerance.get(parameter.name) if i in NUISANCES else None
         low.append((parameter.low if most is None else -most) - x[i])
         high.append((parameter.high if most is None else most) - x[i])
     # A prior as wide as what is plausible keeps what nothing was said of where it is.
-    width = np.array([COLUMNS[i][1].high - COLUMNS[i][1].low for i in columns])
+    width = np.array([parameters[i][1].high - parameters[i][1].low for i in columns])
     return Box(np.array(low), np.array(high), 1.0 / width**2)
 
 
@@ -87,11 +96,21 @@ def fitted(
     tolerance: Mapping[str, float],
 ) -> Fit:
     """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
-    columns = (*NUISANCES, *(i for effect in effects for i in columns_of(effect)))
+    words = drive.vocabulary
+    first = [i for i in NUISANCES if "cornering_stiffness" not in effects or i not in _TOLERATED]
+    # A guessed effect's parameter that nothing was guessed of is not there.
+    columns = (
+        *first,
+        *(i for e in effects for i in words.columns_of(e) if e not in GUESSED or start[i] != 0.0),
+    )
     floor = floors(drive)
     x = start.copy()
-    for effect in ROAD:
-        x[list(columns_of(effect.name))] = 0.0
+    if "cornering_stiffness" in effects:
+        # Beyond the tolerance it has one name, not two.
+        x[list(words.columns_of("cornering_stiffness"))] += x[list(_TOLERATED)]
+        x[list(_TOLERATED)] = 0.0
+    for profile in _OWN_CHANNEL:
+        x[list(words.columns_of(profile))] = 0.0
     road = felt_road(drive, x, effects)
     base = predicted(drive, x, road)
     left = residual(rows, base)
@@ -99,7 +118,7 @@ def fitted(
     for _ in range(_ROUNDS):
         slopes = sensitivities(drive, rows, x, road, base, columns)
         found = sums(rows, left, slopes, scatter)
-        box = box_of(x, columns, tolerance)
+        box = box_of(words.columns, x, columns, tolerance)
         step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
         before = _loss(left, rows, scatter)
         share = 1.0
@@ -123,7 +142,7 @@ def fitted(
     slopes = sensitivities(drive, rows, x, road, base, columns)
     found = sums(rows, left, slopes, scatter)
     per_row = correlated_rows(left, rows.used)
-    box = box_of(x, columns, tolerance)
+    box = box_of(words.columns, x, columns, tolerance)
     unseen = held_out(found, range(len(columns)), box) * scatter**2
     form = _form(drive, rows, x, effects, base)
     return Fit(x, _spread(found, per_row, box), effects, left, scatter, per_row, found, columns, unseen, road, form)
@@ -134,7 +153,7 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     if not effects:
         return rows.form
     without = x.copy()
-    without[[i for effect in effects for i in columns_of(effect)]] = 0.0
+    without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
     change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
     return np.asarray(np.hypot(rows.form, _EFFECT_FORM * rms), dtype=np.float64)
@@ -142,7 +161,8 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
 
 def _loss(left: Floats, rows: Rows, scatter: Floats) -> float:
     """Half the sum of squares, beyond four deviations as for a distance."""
-    z = np.abs(left / scatter)
+    # A car that has become unstable is infinitely wrong, and that is all that counts.
+    z = np.nan_to_num(np.minimum(np.abs(left / scatter), 1e9), nan=1e9)
     return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
 
 
@@ -160,22 +180,25 @@ def _spread(found: Sums, per_row: Floats, box: Box) -> Floats:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 
-def searched(drive: Drive, rows: Rows, tolerance: Mapping[str, float], progress: Progress | None = None) -> Search:
-    """The named causes of one drive, of the rows that are compared."""
+def searched(
+    drive: Drive,
+    rows: Rows,
+    tolerance: Mapping[str, float],
+    progress: Progress | None = None,
+    each: Each | None = None,
+) -> Search:
+    """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
     by_stiffness = {p.name: tolerance.get(f"{p.name}_n_per_rad", 0.0) for p in STIFFNESS}
     say("refitting offsets and stiffnesses")
-    nominal = fitted(drive, rows, nothing(), (), by_stiffness)
+    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), by_stiffness)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     while len(best.effects) < _MOST_EFFECTS:
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        roads = [effect.name for effect in ROAD if effect.name not in best.effects and _feels(rows, effect.name)]
-        tried = []
-        for effect in [*_screened(drive, rows, best, by_stiffness)[:_TRIED], *roads]:
-            fit = fitted(drive, rows, best.x, (*best.effects, effect), by_stiffness)
-            tried.append(Step(effect, gained(best, fit), fit))
-        tried.sort(key=_rank)
+        fit_one, starts = _Trial(drive, rows, best, by_stiffness), _starts(drive, rows, best, by_stiffness)
+        tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
+        tried = _ranked(drive, best, tried)
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break
         best = tried[0].fit
@@ -184,50 +207,104 @@ def searched(drive: Drive, rows: Rows, tolerance: Mapping[str, float], progress:
     return Search(drive, rows, nominal, best, {e: rivals[e] for e in best.effects}, {e: gains[e] for e in best.effects})
 
 
-def _rank(step: Step) -> float:
-    """The more gained the better; a profile fits nearly anything, and has to gain more than what has few parameters."""
-    return -(0.8 if step.effect in _OWN_CHANNEL else 1.0) * step.gain
+def _starts(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[tuple[str, Floats]]:
+    """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
+    roads = [name for name in _OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
+    starts = [(effect, best.x) for effect in (*_screened(drive, rows, best, tolerance)[:_TRIED], *roads)]
+    return [*starts, *(guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects)]
 
 
-# A profile takes all that its own gyro has left over: it is judged by the other channels.
-_OWN_CHANNEL = {"road_bank": 0, "road_grade": 1}
+@dataclass(frozen=True)
+class _Trial:
+    """Fits one effect more."""
+
+    drive: Drive
+    rows: Rows
+    best: Fit
+    tolerance: Mapping[str, float]
+
+    def __call__(self, start: tuple[str, Floats]) -> Step:
+        effect, x = start
+        fit = fitted(self.drive, self.rows, x, (*self.best.effects, effect), self.tolerance)
+        return Step(effect, gained(self.drive, self.best, fit), fit)
 
 
-def _feels(rows: Rows, effect: str) -> bool:
-    return bool(rows.used[:, _OWN_CHANNEL[effect]].any())
+def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
+    """The best first. What is left hangs together more or less by candidate: among rivals the same rows count.
+
+    A profile fits nearly anything, and has to gain more than what has few parameters.
+    """
+    if not tried:
+        return []
+    leader = max(tried, key=lambda step: step.gain)
+    if leader.gain <= 0.0:
+        return [leader]
+    close = [step.fit.per_row for step in tried if step.gain > _RIVALS * leader.gain]
+    same = np.exp(np.mean(np.log(close), axis=0))
+
+    def rank(step: Step) -> float:
+        alike = gained(drive, best, step.fit, same) if step.gain > _RIVALS * leader.gain else step.gain
+        return (0.8 if step.effect in _OWN_CHANNEL else 1.0) * alike
+
+    return sorted(tried, key=rank, reverse=True)
 
 
-def gained(smaller: Fit, larger: Fit) -> float:
-    """Log likelihood that the larger model gains on blocks that its fit has not seen."""
+# A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
+# since whatever is wrong about the lateral motion shows in the wheels as it does in the acceleration.
+_OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
+NEVER_SCREENED = (*_OWN_CHANNEL, *GUESSED)
+
+
+_NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [4, 6, 7, 8]}
+# So much more than noise and form has to be left of the lateral acceleration for wind to be thought of.
+_FELT = 1.5
+
+
+def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
+    c = _OWN_CHANNEL[effect]
+    used = rows.used[:, c]
+    if effect != "side_wind" or not used.any():
+        return bool(used.any())
+    rms = float(np.sqrt(np.mean(best.left[used, c] ** 2)))
+    return rms > _FELT * float(np.hypot(floors(drive)[c], best.form[c]))
+
+
+def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None) -> float:
+    """Log likelihood that the larger model gains on blocks that its fit has not seen.
+
+    `per_row` (9,): how many rows count as one, if not as many as hang together in what the larger model leaves.
+    """
+    per_row = larger.per_row if per_row is None else per_row
     count = larger.sums.counts.copy()
     for effect in set(larger.effects) - set(smaller.effects):
-        if effect in _OWN_CHANNEL:
-            count[:, _OWN_CHANNEL[effect]] = 0.0
+        count[:, _NO_JUDGES.get(effect, [])] = 0.0
+    parameters = drive.vocabulary.columns
     moved = [
         i
         for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
-        if i not in smaller.columns and std < 0.1 * (COLUMNS[i][1].high - COLUMNS[i][1].low)
+        if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
-    found = gain(smaller.unseen, larger.unseen, count, larger.per_row, smaller.form)
+    found = gain(smaller.unseen, larger.unseen, count, per_row, smaller.form)
     return found - _A_PARAMETER * len(moved)
 
 
 def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[str]:
     """The effects that are not in the model, the most promising first, by one linear step each."""
-    knots = [i for effect in ROAD for i in columns_of(effect.name)]
-    columns = [i for i in range(len(COLUMNS)) if i not in knots or i in best.columns]
+    words = drive.vocabulary
+    special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
+    columns = [i for i in range(len(words.columns)) if i not in special or i in best.columns]
     base = predicted(drive, best.x, best.road)
     slopes = sensitivities(drive, rows, best.x, best.road, base, columns)
     found = sums(rows, best.left, slopes, best.scatter)
-    box = box_of(best.x, columns, tolerance)
+    box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}
     own = [place[i] for i in best.columns]
     before = held_out(found, own, box) * best.scatter**2
     scored = []
-    for effect in EFFECTS:
-        if effect.name in best.effects:
+    for effect in words.effects:
+        if effect.name in best.effects or effect.name in NEVER_SCREENED:
             continue
-        after = held_out(found, [*own, *(place[i] for i in columns_of(effect.name))], box)
+        after = held_out(found, [*own, *(place[i] for i in words.columns_of(effect.name))], box)
         scored.append(
             (gain(before, after * best.scatter**2, found.counts, np.ones_like(best.form), best.form), effect.name)
         )
@@ -245,9 +322,9 @@ def _without_idle(
     for effect in best.effects[:-1]:
         rest = tuple(name for name in best.effects if name != effect)
         start = best.x.copy()
-        start[list(columns_of(effect))] = 0.0
+        start[list(drive.vocabulary.columns_of(effect))] = 0.0
         smaller = fitted(drive, rows, start, rest, tolerance)
-        gains[effect] = gained(smaller._replace(form=rows.form), best)
+        gains[effect] = gained(drive, smaller._replace(form=rows.form), best)
         if gains[effect] < LEAST_GAIN:
             best = smaller
     return best
@@ -263,20 +340,14 @@ def slopes_of(found: Search, columns: Sequence[int]) -> Floats:
 def stiffness_gain(found: Search) -> float:
     """What refitting the configured stiffnesses gains over leaving them as they are, causes included."""
     held = fitted(found.drive, found.rows, found.best.x, found.best.effects, {p.name: 0.0 for p in STIFFNESS})
-    return gained(held._replace(form=found.rows.form, columns=found.best.columns), found.best)
+    return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)
 
 
-def values_of(fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
+def values_of(drive: Drive, fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
     """(value, spread) of each parameter of an effect."""
     place = {column: i for i, column in enumerate(fit.columns)}
     return {
-        COLUMNS[i][1].name: (float(fit.x[i]), float(fit.std[place[i]]))
-        for i in (columns_of(effect) if effect else NUISANCES)
+        drive.vocabulary.columns[i][1].name: (float(fit.x[i]), float(fit.std[place[i]]))
+        for i in (drive.vocabulary.columns_of(effect) if effect else NUISANCES)
         if i in place
     }
-
-
-def stiffness_of(fit: Fit) -> dict[str, tuple[float, float]]:
-    """(share, spread) by which the configured stiffnesses were refitted."""
-    place = {column: i for i, column in enumerate(fit.columns)}
-    return {p.name: (float(fit.x[INDEX[p.name]]), float(fit.std[place[INDEX[p.name]]])) for p in STIFFNESS}

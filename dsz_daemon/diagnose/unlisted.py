@@ -21,14 +21,20 @@ from dsz_daemon.signals import IMU_CHANNELS
 LEAST_SHARE = 0.05
 
 
+class Coefficient(NamedTuple):
+    """A number with its spread."""
+
+    value: float
+    std: float
+    unit: str
+
+
 class Shape(NamedTuple):
     """One channel's left-over structure: coefficient (with spread) times a product of motion."""
 
     channel: str
     shape: str
-    coefficient: float
-    std: float
-    unit: str
+    coefficient: Coefficient
     share: float
 
 
@@ -84,7 +90,10 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit) -> list[Shape]:
             share = 1.0 - after / before
             if gained > max(most, LEAST_GAIN) and share > LEAST_SHARE:
                 value, std = _coefficient(columns, left, fit.per_row[c])
-                most, best = gained, Shape(channel, f"k*{name}", value, std, f"({_unit(c)})/({unit})", share)
+                most, best = (
+                    gained,
+                    Shape(channel, f"k*{name}", Coefficient(value, std, f"({_unit(c)})/({unit})"), share),
+                )
         if best is not None:
             found.append(best)
     return found

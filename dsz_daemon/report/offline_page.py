@@ -79,6 +79,14 @@ def write_page(path: Path, title: str, content: Sequence[Element], drawn: Sequen
 
     Raises MachineError when `path` can't be written.
     """
+    try:
+        path.write_bytes(page_bytes(title, content, drawn, drawing))
+    except OSError as error:
+        raise MachineError(f"{path}: can't write the report: {error.strerror or error}") from error
+
+
+def page_bytes(title: str, content: Sequence[Element], drawn: Sequence[Picture], drawing: Plotly) -> bytes:
+    """The page that `write_page` writes."""
     head = element(
         "head",
         element("meta", charset="utf-8"),
@@ -93,10 +101,7 @@ def write_page(path: Path, title: str, content: Sequence[Element], drawn: Sequen
         body.append(script(drawing.source))
         body.extend(data_block(f"data-{picture.name}", drawing.to_json(picture.figure)) for picture in drawn)
         body.append(script(_shipped_text("page.js")))
-    try:
-        path.write_bytes(document(head, body))
-    except OSError as error:
-        raise MachineError(f"{path}: can't write the report: {error.strerror or error}") from error
+    return document(head, body)
 
 
 def _shipped_text(name: str) -> str:

@@ -13,7 +13,8 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
-NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY)
+TRACK = 1.585
+NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, 0.0, 0.0, 0.0, TRACK)
 DT_S = 0.01
 T = DT_S * np.arange(1000)
 NONE = np.zeros(len(T))
@@ -96,3 +97,38 @@ def test_the_body_leans_out_of_the_turn_and_dives_under_braking() -> None:
     row = driven(car, 15.0, np.full(len(T), 0.01), v_rate=np.full(len(T), -3.0))[-1]
     assert row[motion.ROLL] == pytest.approx(0.01 * row[motion.AY], rel=1e-3)
     assert row[motion.PITCH] == pytest.approx(0.005 * (3.0 + row[motion.R] * row[motion.VY]), rel=1e-3)
+
+
+def test_wind_ahead_of_the_cg_turns_the_car() -> None:
+    """At first, before the tyres answer: r' = x F / I_z."""
+    wind = driven(NOMINAL._replace(wind_ahead_m=0.5), 20.0, NONE, side_n=np.full(len(T), 1000.0))
+    assert wind[0, motion.R_RATE] == pytest.approx(0.5 * 1000.0 / IZ)
+    assert wind[0, motion.AY] == pytest.approx(1000.0 / M)
+
+
+def test_a_front_drive_pulls_where_the_wheels_point() -> None:
+    """At first, straight ahead: F_x = m a_x / cos(delta), of which F_x sin(delta) acts sideways."""
+    rate, delta = np.full(len(T), 2.0), 0.2
+    pulled = driven(NOMINAL._replace(steered_pull=1.0), 20.0, np.full(len(T), delta), v_rate=rate)[0]
+    rolling = driven(NOMINAL, 20.0, np.full(len(T), delta), v_rate=rate)[0]
+    tyre = rolling[motion.FRONT_N] * math.sin(delta)
+    assert pulled[motion.AY] - rolling[motion.AY] == pytest.approx((2.0 + tyre / M) * math.tan(delta))
+    turned = (M * 2.0 + tyre) * math.tan(delta) * LF / IZ
+    assert pulled[motion.R_RATE] - rolling[motion.R_RATE] == pytest.approx(turned)
+
+
+def test_parallel_wheels_scrub() -> None:
+    """Second route: both front wheels drawn one by one, slip angles and all, in the bend that the car drives."""
+    v, delta = 8.0, 0.2
+    row = driven(NOMINAL._replace(parallel_steer=1.0), v, np.full(len(T), delta))[-1]
+    r, vy = row[motion.R], row[motion.VY]
+    yaw_nm = 0.0
+    for side in (1.0, -1.0):
+        y = 0.5 * side * TRACK
+        across = -0.5 * CF * (math.atan2(vy + LF * r, v - r * y) - delta)
+        yaw_nm += LF * across * math.cos(delta) + y * across * math.sin(delta)
+    yaw_nm += LR * CR * math.atan2(vy - LR * r, v)
+    # In a steady bend the moments balance; of what scrub does, some per cent are left.
+    scrub_nm = CF * (0.5 * TRACK) ** 2 * ((vy + LF * r) / v) * (r / v) * math.sin(delta)
+    assert abs(yaw_nm) < 0.1 * scrub_nm
+    assert row[motion.R] < driven(NOMINAL, v, np.full(len(T), delta))[-1, motion.R]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose import recording as recordings
-from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, ROAD
+from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, ROAD, SENSORS, Effect, Motion, Parameter, vocabulary
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, felt_road, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
 from dsz_daemon.pipeline.grid import Signal
@@ -152,8 +154,96 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
             }
             # Nothing rolls or pitches here: what only those show shows nothing.
             silent |= effect.name == "imu_lever_arm" and parameter.name == "z_m"
-            silent |= parameter.name in {"frequency_share", "damping"}
+            silent |= parameter.name in {"frequency_share", "damping", "above_m", "ahead_m", "front_brakes_more"}
+            # A limit beyond what is read, and a stretch without a friction, are none.
+            silent |= effect.name == "low_friction" and parameter.name != "inverse_square"
+            silent |= effect.name == "low_friction"
             assert silent or changed.max() > 1e-6, (effect.name, parameter.name)
+
+
+def test_readings_clip_and_z_only_where_it_stands_at_the_limit() -> None:
+    row = shown(SPEEDING, sensor_saturation__accel_limit_mps2=1.5)[1500]
+    assert row[3] == pytest.approx(1.5)
+    assert row[5] == pytest.approx(1.5)
+    upright = drive(10.0 + 2.0 * T)
+    upright.measured[:, 5] = G
+    row = shown(upright, sensor_saturation__accel_limit_mps2=1.5)[1500]
+    assert (row[3], row[5]) == (pytest.approx(1.5), pytest.approx(G))
+    assert np.max(np.abs(shown(TURNING, sensor_saturation__gyro_limit_radps=0.1)[:, 2])) == pytest.approx(0.1)
+
+
+def test_a_slippery_stretch_begins_and_ends() -> None:
+    """0.2 g are 1.96 m/s2 at most: some 90 % of it for 1.7 wanted ones, and all of these before and after."""
+    x = nothing()
+    x[INDEX["low_friction.inverse_square"]] = 0.2**-2
+    x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 10.0, 20.0
+    slippery, dry = predicted(TURNING, x, flat(N))[:, 4], shown(TURNING)[:, 4]
+    np.testing.assert_array_equal(slippery[:1000], dry[:1000])
+    assert dry[1500] > 1.7
+    assert slippery[1500] < 0.97 * dry[1500]
+    assert slippery[2900] == pytest.approx(dry[2900], rel=1e-3)
+
+
+def test_a_body_that_leans_about_an_axis_below_it_feels_its_own_swing() -> None:
+    """Second route: the C.G. is h above the roll axis, so that it swings sideways by -h phi''."""
+    swerve = drive(np.full(N, 15.0), 0.02 * np.sin(6.0 * T))
+    base = shown(swerve, suspension_roll__roll_gradient_rad_per_mps2=0.01)
+    high = shown(swerve, suspension_roll__roll_gradient_rad_per_mps2=0.01, suspension_roll__above_m=0.4)
+    roll_rate = base[:, 0] - shown(swerve)[:, 0]
+    expected = -0.4 * np.gradient(roll_rate, DT_S)
+    np.testing.assert_allclose((high - base)[100:-100, 4], expected[100:-100], atol=0.02 * np.max(np.abs(expected)))
+
+
+def test_a_diving_body_swings_about_its_axis() -> None:
+    """The C.G. 0.3 m above and 0.5 m ahead of the pitch axis: a_x has 0.3 theta'', a_z has -0.5 theta''."""
+    braking = drive(20.0 + 2.0 * np.sin(4.0 * T))
+    pitching = {"suspension_pitch__pitch_gradient_rad_per_mps2": 0.005}
+    base = shown(braking, **pitching)
+    moved = shown(braking, **pitching, suspension_pitch__above_m=0.3, suspension_pitch__ahead_m=0.5)
+    swing = np.gradient(base[:, 1], DT_S)
+    change, middle = moved - base, slice(200, -200)
+    np.testing.assert_allclose(change[middle, 5], -0.5 * swing[middle], atol=0.02 * np.max(np.abs(swing)))
+    # a_x passes its own low-pass, which takes a fifth of 4 rad/s.
+    assert np.std(change[middle, 3]) == pytest.approx(
+        0.3 * np.std(swing[middle]) * np.exp(-0.5 * (4 * 0.15) ** 2), rel=0.02
+    )
+
+
+def test_brakes_at_the_front_slip_at_the_front() -> None:
+    """Half more than by load: 1.5 times the slip there; the rear has what is left."""
+    slowing = drive(60.0 - 2.0 * T)
+    share = TUCSON.cg_to_rear_axle_m / TUCSON.wheelbase_m
+    row = shown(slowing, wheel_slip__slip_per_force=0.05, wheel_slip__front_brakes_more=0.2)[1500]
+    rear = -0.05 * 2.0 / G * (1.0 - 1.2 * share) / (1.0 - share)
+    front = -0.05 * 2.0 / G * 1.2
+    assert row[6] / 30.0 == pytest.approx((1.0 + front) / (1.0 + rear), rel=1e-4)
+
+
+def test_wind_is_found_from_what_the_accelerometer_has_left() -> None:
+    """A gust of 800 N; its slow part shows less, since the tyres hold against it."""
+    one = drive(np.full(N, 20.0))
+    gust = 800.0 * np.exp(-0.5 * ((T - 15.0) / 0.8) ** 2)
+    one.measured[:] = predicted(one, nothing(), flat(N)._replace(side_n=gust))
+    found = felt_road(one, nothing(), ("side_wind",)).side_n
+    np.testing.assert_allclose(found, gust, atol=40.0)
+
+
+def test_an_effect_of_ones_own_is_added_to_its_channels() -> None:
+    def drag(motion: Motion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        return {"accel_z": values["k"] * motion.speed_mps**2}
+
+    words = vocabulary(
+        (Effect("lift", "Air lifts", "k v^2", SENSORS, (Parameter("k", "1/m", 1e-3, -1, 1, 0.0),), drag),)
+    )
+    one = drive(np.full(N, 20.0))._replace(vocabulary=words)
+    x = nothing(words)
+    assert len(x) == len(nothing()) + 1
+    x[-1] = 0.01
+    assert predicted(one, x, flat(N))[1500, 5] == pytest.approx(G + 0.01 * 400.0)
+    with pytest.raises(ValueError, match="gyro_scale are there twice"):
+        vocabulary((Effect("gyro_scale", "", "", SENSORS, (), drag),))
+    with pytest.raises(ValueError, match="shows nothing"):
+        vocabulary((Effect("mine", "", "", SENSORS, ()),))
 
 
 # --- the recording ----------------------------------------------------------------------------------

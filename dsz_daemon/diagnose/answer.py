@@ -1,0 +1,300 @@
+"""From the search to what is said: causes with parameters, what they can't be told from, how well it fits then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose import search as searching
+from dsz_daemon.diagnose.comparison import floors
+from dsz_daemon.diagnose.effects import STIFFNESS
+from dsz_daemon.diagnose.locate import Place, channel_names, located
+from dsz_daemon.diagnose.prediction import CHANNELS, Floats, on_road, predicted
+from dsz_daemon.diagnose.search import Fit, Search, Step, values_of
+from dsz_daemon.diagnose.unlisted import Shape, unlisted
+from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
+
+# Of two explanations so close on unseen data, the recording does not choose: in log likelihood, and of what is gained.
+_ALIKE, _ALIKE_SHARE = 3.0, 0.02
+# No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
+SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
+_STIFFNESS_SPREADS, _LEAST_STIFFNESS = 3.0, 0.03
+# A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
+_STIFFNESS_SHARE = 0.05
+# A channel that is off by so many times its noise and the simulation's coarseness is not explained.
+UNEXPLAINED = 3.0
+# As the contract has them: true over configured, which is 1 where nothing is left out.
+_OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr")} | {
+    ("steering_ratio", "scale"),
+    ("cornering_stiffness", "front_scale"),
+    ("cornering_stiffness", "rear_scale"),
+}
+
+
+class Value(NamedTuple):
+    """A number with its spread (one standard deviation; None: not a fitted one)."""
+
+    value: float | str
+    std: float | None
+    unit: str
+
+
+class Cause(NamedTuple):
+    """One effect that earns its place on unseen data; `gain` in log likelihood, `probability` of its alias group."""
+
+    effect: str
+    probability: float
+    statement: str
+    parameters: dict[str, Value]
+    equation: str
+    gain: float
+    indistinguishable_from: list[str]
+    alternatives: list[dict[str, float | str]]
+    next_manoeuvre: str | None
+
+
+class ParameterError(NamedTuple):
+    """A configured parameter that fits better otherwise, SI."""
+
+    parameter: str
+    configured: float
+    fitted: float
+    std: float
+
+
+class Sides(NamedTuple):
+    """RMS with the nominal simulation, and with the causes in it."""
+
+    before: float
+    after: float
+
+
+class ChannelFit(NamedTuple):
+    """How well one channel fits, on rows that the fit has seen and on those that it has not."""
+
+    train: Sides
+    held_out: Sides
+    noise_floor: float
+    unit: str
+
+
+class Diagnosis(NamedTuple):
+    """All that is said of one recording; `level` is what is left over what may be, per channel."""
+
+    verdict: str
+    located: list[Place]
+    causes: list[Cause]
+    parameter_errors: list[ParameterError]
+    unlisted: list[Shape]
+    fit: dict[str, ChannelFit]
+    level: dict[str, float]
+    could_not_test: list[dict[str, str]]
+    offsets: dict[str, Value]
+
+
+def answered(found: Search) -> Diagnosis:
+    """What is said of a search."""
+    errors = _parameter_errors(found)
+    causes = [cause for effect in found.best.effects if (cause := _cause(found, effect)) is not None]
+    causes.sort(key=lambda cause: -cause.gain)
+    shapes = unlisted(found.drive, found.rows, found.best)
+    level = _level(found)
+    unexplained = [name for name, value in level.items() if value > UNEXPLAINED]
+    said = causes or errors or shapes or unexplained
+    return Diagnosis(
+        _verdict(bool(causes), bool(shapes or unexplained)),
+        located(found.drive, found.rows, found.nominal.left, _usual(found)) if said else [],
+        causes,
+        errors,
+        shapes,
+        _fit(found),
+        level,
+        _untested(found),
+        {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in _offsets(found).items()},
+    )
+
+
+def _offsets(found: Search) -> dict[str, tuple[float, float]]:
+    values = values_of(found.drive, found.best, "")
+    return {name: value for name, value in values.items() if name.startswith("offset_")}
+
+
+def _verdict(explained: bool, left: bool) -> str:
+    if left:
+        return "partly_explained" if explained else "unexplained"
+    return "explained" if explained else "consistent"
+
+
+def _usual(found: Search) -> Floats:
+    """What each channel scatters by where all is explained."""
+    n = np.maximum(found.best.sums.counts.sum(axis=0), 1.0)
+    rms = np.sqrt(found.best.sums.left.sum(axis=0) / n) * found.best.scatter
+    return np.asarray(np.maximum(rms, found.best.scatter), dtype=np.float64)
+
+
+def _cause(found: Search, effect: str) -> Cause | None:
+    """One named effect; None where it is too small to be given a name."""
+    described = found.drive.vocabulary.described(effect)
+    values = _values(found, effect)
+    least = {p.name: p.least for p in described.parameters}
+    named = [
+        abs(value) >= least[name] for name, (value, _) in values.items() if math.isfinite(least.get(name, math.inf))
+    ]
+    if named and not any(named):
+        return None
+    units = {p.name: p.unit for p in described.parameters}
+    values = {n: value for n, value in values.items() if not math.isinf(least.get(n, 0.0)) or effect == "low_friction"}
+    values, units = _as_told(effect, values, units)
+    group, alternatives = _alternatives(found, effect)
+    odds = sum(float(one["probability"]) for one in alternatives if one["effect"] not in group)
+    return Cause(
+        effect,
+        1.0 - odds,
+        described.words.format(**{name: value for name, (value, _) in values.items()}),
+        {name: Value(value, std, units[name]) for name, (value, std) in values.items()},
+        described.equation,
+        found.gains[effect],
+        group,
+        alternatives,
+        None,
+    )
+
+
+def _values(found: Search, effect: str) -> dict[str, tuple[float, float | None]]:
+    """(value, spread) of an effect's parameters; of a profile its rms over what was driven."""
+    profiles = on_road(found.best.road, found.best.x)
+    profile = {
+        "road_bank": ("rms_rad", profiles.bank_rad),
+        "road_grade": ("rms_rad", profiles.grade_rad),
+        "side_wind": ("rms_n", profiles.side_n),
+    }.get(effect)
+    values: dict[str, tuple[float, float | None]] = dict(values_of(found.drive, found.best, effect))
+    if profile is None:
+        return values
+    driven = np.unique(found.rows.at[found.rows.used.any(axis=1)])
+    name, course = profile
+    return {name: (float(np.sqrt(np.mean(course[driven] ** 2))), None)}
+
+
+def _as_told(
+    effect: str, values: dict[str, tuple[float, float | None]], units: dict[str, str]
+) -> tuple[dict[str, tuple[float, float | None]], dict[str, str]]:
+    """In the parameters that the outside knows."""
+    units = units | {"rms_rad": "rad", "rms_n": "N", "friction_coefficient": "1", "cutoff_hz": "Hz"}
+    if "inverse_square" in values:
+        square, std = values.pop("inverse_square")
+        friction = square**-0.5
+        values = {"friction_coefficient": (friction, 0.5 * friction * (std or 0.0) / square)} | values
+    if effect == "sensor_bandwidth":
+        time_constant_s, std = values["time_constant_s"]
+        cutoff_hz = 1.0 / (2.0 * math.pi * time_constant_s)
+        values = values | {"cutoff_hz": (cutoff_hz, cutoff_hz * (std or 0.0) / time_constant_s)}
+    told = {
+        name: (value + 1.0, std) if (effect, name) in _OVER_CONFIGURED else (value, std)
+        for name, (value, std) in values.items()
+    }
+    return told, units
+
+
+def _alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str, float | str]]]:
+    """What an effect can't be told from, and all that could stand in its place, with their probabilities."""
+    steps: dict[str, Step] = {}
+    for step in found.rivals[effect]:
+        if step.effect not in steps and (step.effect == effect or step.effect not in found.best.effects):
+            steps[step.effect] = step
+    top = steps[effect].gain
+    near = max(_ALIKE, _ALIKE_SHARE * top)
+    group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
+    if effect in SAME_TURN:
+        group += sorted(SAME_TURN - {effect, *group})
+    weights = {name: math.exp(min(step.gain - top, 50.0)) for name, step in steps.items()}
+    total = sum(weights.values())
+    return group, [
+        {"effect": name, "probability": weight / total}
+        for name, weight in weights.items()
+        if name != effect and weight > 1e-6 * total
+    ]
+
+
+def _parameter_errors(found: Search) -> list[ParameterError]:
+    """Configured stiffnesses that fit better otherwise: by more than their spread, and on unseen data."""
+    beyond = "cornering_stiffness" in found.best.effects
+    least = max(searching.LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
+    if not beyond and searching.stiffness_gain(found) < least:
+        return []
+    values = values_of(found.drive, found.best, "cornering_stiffness" if beyond else "")
+    errors = []
+    for parameter in STIFFNESS:
+        share, std = values[f"{parameter.name.split('_')[0]}_scale" if beyond else parameter.name]
+        if abs(share) > max(_STIFFNESS_SPREADS * std, _LEAST_STIFFNESS):
+            key = f"{parameter.name}_n_per_rad"
+            configured = float(getattr(found.drive.car, key))
+            errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
+    return errors
+
+
+def _level(found: Search) -> dict[str, float]:
+    """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
+    n = found.best.sums.counts.sum(axis=0)
+    rms = np.sqrt(found.best.sums.left.sum(axis=0) / np.maximum(n, 1.0)) * found.best.scatter
+    expected = np.hypot(floors(found.drive), found.best.form)
+    names = channel_names(found.drive)
+    return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
+
+
+def _fit(found: Search) -> dict[str, ChannelFit]:
+    """RMS per channel: nominal with offsets and stiffnesses, and with the causes; on seen and on unseen blocks."""
+    floor = floors(found.drive)
+
+    def rms(fit: Fit, unseen: bool) -> Floats:
+        n = np.maximum(fit.sums.counts.sum(axis=0), 1.0)
+        total = fit.unseen.sum(axis=0) if unseen else fit.sums.left.sum(axis=0) * fit.scatter**2
+        return np.asarray(np.sqrt(np.maximum(total, 0.0) / n), dtype=np.float64)
+
+    seen, unseen = ((rms(found.nominal, side), rms(found.best, side)) for side in (False, True))
+    return {
+        channel: ChannelFit(
+            Sides(float(seen[0][c]), float(seen[1][c])),
+            Sides(float(unseen[0][c]), float(unseen[1][c])),
+            float(floor[c]),
+            "rad/s" if channel in GYRO_CHANNELS else "m/s^2" if channel in IMU_CHANNELS else "m/s",
+        )
+        for c, channel in enumerate(channel_names(found.drive))
+        if found.rows.used[:, c].any()
+    }
+
+
+def _untested(found: Search) -> list[dict[str, str]]:
+    """Effects of which a plain size would have shown by less than what is asked of a cause."""
+    words = found.drive.vocabulary
+    rows = [e for e in words.effects if e.name not in found.best.effects and e.name not in searching.NEVER_SCREENED]
+    columns = [i for effect in rows for i in words.columns_of(effect.name)]
+    slopes = searching.slopes_of(found, columns)
+    heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
+    power: list[float] = np.einsum("kcp,c->p", slopes**2, heard).tolist()
+    untested = []
+    for effect in rows:
+        own = [columns.index(i) for i in words.columns_of(effect.name)]
+        shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
+        if max(shown) < searching.LEAST_GAIN:
+            name = words.columns[columns[own[int(np.argmax(shown))]]][1]
+            why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
+            untested.append({"effect": effect.name, "why": why})
+    return untested
+
+
+def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
+    """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
+    drive, best = found.drive, found.best
+    road = on_road(best.road, best.x)
+    nominal = predicted(drive, found.nominal.x, found.nominal.road)
+    fitted = predicted(drive, best.x, best.road)
+    columns: dict[str, Floats] = {"time_s": np.asarray(first_s + drive.recording.time_s)}
+    for c, channel in enumerate(CHANNELS):
+        columns[f"{channel}_measured"] = drive.measured[:, c]
+        columns[f"{channel}_nominal"] = nominal[:, c]
+        columns[f"{channel}_fitted"] = fitted[:, c]
+    return columns | {"road_bank_rad": road.bank_rad, "road_grade_up_rad": road.grade_rad, "side_wind_n": road.side_n}
