@@ -106,7 +106,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs import screen
 
     try:
-        from dsz_daemon.runs.diagnose import diagnose, words
+        from dsz_daemon.runs.diagnose import Beside, diagnose, words
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("scipy"):
             raise
@@ -114,7 +114,8 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     with screen.progress("diagnose", arguments.json) as progress:
         # As the bar: on a terminal only. The search knows no share done; it says what it is at.
         say = None if progress is None else lambda what: print(what, file=sys.stderr)
-        result = diagnose(arguments.logs, arguments.config, arguments.output, progress, say)
+        beside = Beside(arguments.reference, arguments.simulation)
+        result = diagnose(arguments.logs, arguments.config, arguments.output, progress, say, beside)
     return _show(arguments, result, lambda: print(words(result)))
 
 

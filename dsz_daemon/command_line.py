@@ -140,6 +140,18 @@ def _diagnose_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:
     diagnose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="one recording, in pieces in time order")
     _config(diagnose)
     diagnose.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="where the results go")
+    diagnose.add_argument(
+        "--reference",
+        type=Path,
+        metavar="FILE",
+        help="measured states (.csv, .parquet): time_s, vx_mps, grade_up_rad ...",
+    )
+    diagnose.add_argument(
+        "--simulation",
+        type=Path,
+        metavar="FILE",
+        help="your own simulation of the recording instead of the nominal one",
+    )
     _json(diagnose)
 
 

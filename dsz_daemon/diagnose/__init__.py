@@ -1,1 +1,110 @@
-"""Simulation against recording: where they part, what physics was left out, and how well that explains it."""
+"""Simulation against recording: what physics the simulation leaves out.
+
+    from dsz_daemon.diagnose import diagnose
+
+    found = diagnose(signals, car, steering_ratio)
+    print(found.said.verdict, found.said.causes)
+
+`signals` are decoded samples by role (`dsz_daemon.runs.diagnose.signals_of` reads them from logs), SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.core.parameters import Car
+from dsz_daemon.diagnose.answer import Diagnosis, answered
+from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
+from dsz_daemon.diagnose.comparison import SLOW_MPS, driven_s, rows_of
+from dsz_daemon.diagnose.effects import CAR, SENSORS, Effect, Motion, Parameter, vocabulary
+from dsz_daemon.diagnose.prediction import CHANNELS, against, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import on_grid, recorded
+from dsz_daemon.diagnose.search import Each, Search, searched
+from dsz_daemon.errors import InputError
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
+
+__all__ = ["CAR", "SENSORS", "Diagnosed", "Effect", "Motion", "Parameter", "diagnose"]
+
+_SHORTEST_S = 20.0
+_STIFFNESS = {"front_cornering_stiffness_n_per_rad": 0.1, "rear_cornering_stiffness_n_per_rad": 0.1}
+# The names that a user's simulation may have for what an IMU would show.
+_SIMULATED = {
+    **{name: (name,) for name in IMU_CHANNELS},
+    "gyro_z": ("gyro_z", "yaw_rate_radps"),
+    "accel_x": ("accel_x", "ax_mps2"),
+    "accel_y": ("accel_y", "ay_mps2"),
+}
+
+
+class Diagnosed(NamedTuple):
+    """What is said, and the search behind it: drive, fits, all that was tried."""
+
+    said: Diagnosis
+    search: Search
+
+
+def diagnose(
+    signals: Mapping[str, Signal],
+    car: Car,
+    steering_ratio: float,
+    *,
+    tolerance: Mapping[str, float] = _STIFFNESS,
+    effects: tuple[Effect, ...] = (),
+    reference: Mapping[str, Signal] | None = None,
+    simulation: Mapping[str, Signal] | None = None,
+    say: Callable[[str], None] | None = None,
+    each: Each | None = None,
+) -> Diagnosed:
+    """What one recording says of the nominal simulation, or of the user's own `simulation`.
+
+    `tolerance`: how far configured stiffnesses may be off, as shares by their names; `effects`: rows of one's own;
+    `reference`: states by name, SI; `each`: a `map` that works side by side; `say` hears what is being done.
+    InputError: nothing to drive the simulation with (steering, wheel speeds), nothing to compare, or too little of it.
+    """
+    _require(signals)
+    words = vocabulary(effects)
+    drive = drive_of(recorded(signals, steering_ratio, reference), car, steering_ratio, words)
+    rows = rows_of(drive)
+    length_s = driven_s(drive, rows)
+    if length_s < _SHORTEST_S:
+        raise InputError(
+            f"{length_s:.1f} s of driving (above {SLOW_MPS:g} m/s, all signals there); "
+            f"expected {_SHORTEST_S:g} s or more to fit and to judge"
+        )
+    if say is not None:
+        say("looking for axes that are not what they are called")
+    nominal = predicted(drive, nothing(words), flat(len(drive.steer)))
+    used = np.zeros((len(nominal), 6), dtype=np.bool_)
+    used[rows.at] = rows.used[:, :6]
+    faults = found_faults(drive.recording.imu, nominal[:, :6], used)
+    if faults:
+        mended = wiring_of(faults).mended_signals(signals)
+        drive = drive_of(recorded(mended, steering_ratio, reference), car, steering_ratio, words)
+    if simulation:
+        first_ns = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
+        theirs = {}
+        for channel, names in _SIMULATED.items():
+            name = next((name for name in names if name in simulation), None)
+            if name is not None:
+                theirs[channel] = on_grid(simulation[name], first_ns, drive.recording.time_s)
+        if not theirs:
+            raise InputError(
+                f"the simulation has none of {', '.join(CHANNELS[:6])}: there is nothing to hold it against"
+            )
+        drive = against(drive, theirs)
+    found = searched(drive, rows_of(drive), tolerance, say, each)
+    return Diagnosed(answered(found, faults), found)
+
+
+def _require(signals: Mapping[str, Signal]) -> None:
+    missing = [name for name in WHEEL_SPEEDS if name not in signals]
+    if missing:
+        raise InputError(f"no samples of {', '.join(missing)}: the simulation is driven by four wheel speeds")
+    if not {"steering_wheel_angle", "road_wheel_angle"} & set(signals):
+        raise InputError("no samples of a steering angle: the simulation is driven by it")
+    if not any(name in signals for name in IMU_CHANNELS):
+        raise InputError("no samples of any IMU channel: there is nothing to hold the simulation against")

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose import search as searching
+from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import floors
 from dsz_daemon.diagnose.effects import STIFFNESS
 from dsz_daemon.diagnose.locate import Place, channel_names, located
+from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, on_road, predicted
 from dsz_daemon.diagnose.search import Fit, Search, Step, values_of
 from dsz_daemon.diagnose.unlisted import Shape, unlisted
@@ -95,11 +97,12 @@ class Diagnosis(NamedTuple):
     offsets: dict[str, Value]
 
 
-def answered(found: Search) -> Diagnosis:
-    """What is said of a search."""
+def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
+    """What is said of a search, after the faults that were mended before it."""
     errors = _parameter_errors(found)
     causes = [cause for effect in found.best.effects if (cause := _cause(found, effect)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
+    causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = unlisted(found.drive, found.rows, found.best)
     level = _level(found)
     unexplained = [name for name, value in level.items() if value > UNEXPLAINED]
@@ -159,6 +162,31 @@ def _cause(found: Search, effect: str) -> Cause | None:
         found.gains[effect],
         group,
         alternatives,
+        _to_drive_next(found, effect, group),
+    )
+
+
+def _to_drive_next(found: Search, effect: str, group: list[str]) -> str | None:
+    """What would split an effect from its group; None where it stands alone."""
+    screened = [other for other in group if other not in searching.NEVER_SCREENED]
+    if not screened or effect in searching.NEVER_SCREENED:
+        return None
+    words = next_manoeuvre(found.drive, found.best.x, effect, screened)
+    return words or f"none that steers and brakes splits it from {', '.join(screened)}: weigh the car, measure the part"
+
+
+def _fault(fault: AxisFault) -> Cause:
+    """An axis that is not what it is called, which was put right before anything else."""
+    kind = fault.kind.replace("_", " ").replace(" for ", " instead of ")
+    return Cause(
+        "axis_fault",
+        1.0 / (1.0 + math.exp(-min(fault.gain, 50.0))),
+        f"{fault.channel} is not what it is called: {kind} ({fault.evidence.rstrip('.')})",
+        {"channel": Value(fault.channel, None, ""), "kind": Value(fault.kind, None, "")},
+        "reading_i = s u reading_j",
+        fault.gain,
+        [],
+        [],
         None,
     )
 
@@ -260,11 +288,17 @@ def _fit(found: Search) -> dict[str, ChannelFit]:
             Sides(float(seen[0][c]), float(seen[1][c])),
             Sides(float(unseen[0][c]), float(unseen[1][c])),
             float(floor[c]),
-            "rad/s" if channel in GYRO_CHANNELS else "m/s^2" if channel in IMU_CHANNELS else "m/s",
+            _unit(channel),
         )
         for c, channel in enumerate(channel_names(found.drive))
         if found.rows.used[:, c].any()
     }
+
+
+def _unit(channel: str) -> str:
+    if channel in GYRO_CHANNELS or channel.endswith("_radps"):
+        return "rad/s"
+    return "m/s^2" if channel in IMU_CHANNELS else "rad" if channel.endswith("_rad") else "m/s"
 
 
 def _untested(found: Search) -> list[dict[str, str]]:
@@ -293,8 +327,10 @@ def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
     columns: dict[str, Floats] = {"time_s": np.asarray(first_s + drive.recording.time_s)}
+    theirs = np.zeros_like(nominal) if drive.theirs is None else drive.theirs
     for c, channel in enumerate(CHANNELS):
-        columns[f"{channel}_measured"] = drive.measured[:, c]
-        columns[f"{channel}_nominal"] = nominal[:, c]
-        columns[f"{channel}_fitted"] = fitted[:, c]
+        if np.isfinite(drive.measured[:, c]).any():
+            columns[f"{channel}_measured"] = drive.measured[:, c] + theirs[:, c]
+            columns[f"{channel}_nominal"] = nominal[:, c] + theirs[:, c]
+            columns[f"{channel}_fitted"] = fitted[:, c] + theirs[:, c]
     return columns | {"road_bank_rad": road.bank_rad, "road_grade_up_rad": road.grade_rad, "side_wind_n": road.side_n}

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
-from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, filter_kernel
+from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
@@ -29,9 +29,9 @@ WHEEL_FORM = 0.001
 
 
 class Rows(NamedTuple):
-    """The rows that are compared: `used` (k, 9) which channels of each count, `block` (k,) its block of BLOCK_S.
+    """The rows that are compared: `used` (k, 13) which channels of each count, `block` (k,) its block of BLOCK_S.
 
-    `form` (9,) is what the simulation's form alone may be off by, in each channel's unit.
+    `form` (13,) is what the simulation's form alone may be off by, in each channel's unit.
     """
 
     at: Ints
@@ -62,7 +62,7 @@ def rows_of(drive: Drive) -> Rows:
     given = np.isfinite(np.sum(inputs, axis=1))[at]
     used[~given & ~standing[at]] = False
     form = np.full(len(CHANNELS), WHEEL_FORM * float(np.sqrt(np.mean(speed**2))))
-    for c in range(6):
+    for c in (*range(6), *range(10, len(CHANNELS))):
         mine = measured[used[:, c], c]
         form[c] = FORM * float(np.std(mine)) if len(mine) else 0.0
     # In a long bend the steering stands between two of its steps all the time.
@@ -84,12 +84,12 @@ def driven_s(drive: Drive, rows: Rows) -> float:
 
 
 def residual(rows: Rows, prediction: Floats) -> Floats:
-    """Measured less predicted (k, 9), 0 where a row does not count."""
+    """Measured less predicted (k, 13), 0 where a row does not count."""
     return np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
 
 
 def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
-    """Each channel's scatter (9,): the larger of the robust deviation and the sensor's own floor."""
+    """Each channel's scatter (13,): the larger of the robust deviation and the sensor's own floor."""
     found = np.ones(len(CHANNELS))
     for c in range(len(CHANNELS)):
         mine = left[rows.used[:, c], c]
@@ -101,7 +101,7 @@ def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
 
 
 def floors(drive: Drive) -> Floats:
-    """What white noise of the sensors leaves in each channel (9,)."""
+    """What white noise of the sensors leaves in each channel (13,)."""
     floor = drive.recording.floor
     kernel, both = filter_kernel(), filter_kernel(math.hypot(FILTER_S, ALONG_FILTER_S))
     # Speed is differentiated: its noise is the longitudinal acceleration's, too.
@@ -112,11 +112,14 @@ def floors(drive: Drive) -> Floats:
     wheels = floor[6:]
     pair = float(np.hypot(*wheels[list(own)]))
     along = float(np.hypot(floor[3] * less, 0.5 * pair * steeper))
-    return np.array([*floor[:3], along, *floor[4:6], wheels[other[0]], wheels[other[1]], pair])
+    beside = drive.recording.reference_floor
+    if beside is None:
+        beside = np.full(len(REFERENCE), np.nan)
+    return np.array([*floor[:3], along, *floor[4:6], wheels[other[0]], wheels[other[1]], pair, *beside])
 
 
 def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Floats, columns: Sequence[int]) -> Floats:
-    """Secants (k, 9, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
+    """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
     found = np.zeros((len(rows.at), len(CHANNELS), len(columns)))
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}

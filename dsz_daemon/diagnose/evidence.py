@@ -33,7 +33,7 @@ class Box(NamedTuple):
 
 
 def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
-    """The sums of residuals `left` (k, 9) and sensitivities `slopes` (k, 9, p), scaled by `std` (9,)."""
+    """The sums of residuals `left` (k, 13) and sensitivities `slopes` (k, 13, p), scaled by `std` (13,)."""
     blocks = int(rows.block[-1]) + 1
     channels, p = left.shape[1], slopes.shape[2]
     found = Sums(
@@ -113,7 +113,7 @@ def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
 
 
 def correlated_rows(left: Floats, used: Bools) -> Floats:
-    """How many rows of each channel (9,) tell as much as one that is independent of the others."""
+    """How many rows of each channel (13,) tell as much as one that is independent of the others."""
     found = np.ones(left.shape[1])
     for c in range(left.shape[1]):
         mine = np.where(used[:, c], left[:, c], 0.0)
@@ -131,7 +131,7 @@ def correlated_rows(left: Floats, used: Bools) -> Floats:
 def gain(before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats) -> float:
     """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
 
-    `per_row` as above; what is below `form` (9,), the simulation's own coarseness, gains nothing.
+    `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing.
     """
     n = count.sum(axis=0)
     known = n > 0

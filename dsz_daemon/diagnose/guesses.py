@@ -19,7 +19,7 @@ _USED = 0.8
 
 
 def guesses(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
-    """Effects with parameters (as `x`) to begin from; `left` (k, 9) is what x leaves of the rows that are compared."""
+    """Effects with parameters (as `x`) to begin from; `left` (k, 13) is what x leaves of the rows that are compared."""
     return [*_clipped(drive, rows, x), *_slippery(drive, rows, x, left)]
 
 

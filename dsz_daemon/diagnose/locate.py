@@ -25,7 +25,7 @@ class Place(NamedTuple):
 
 
 def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[Place]:
-    """Stretches in which `before` (k, 9), what the nominal simulation leaves, is beyond the usual `scatter` (9,)."""
+    """Stretches in which `before` (k, 13), what the nominal simulation leaves, is beyond the usual `scatter` (13,)."""
     places = []
     names = channel_names(drive)
     blocks = int(rows.block[-1]) + 1
@@ -54,4 +54,4 @@ def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[P
 def channel_names(drive: Drive) -> tuple[str, ...]:
     """The compared channels in the project's vocabulary; a difference by its right wheel."""
     own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
-    return (*CHANNELS[:6], *(WHEEL_SPEEDS[i] for i in (other[0], other[1], own[1])))
+    return (*CHANNELS[:6], *(WHEEL_SPEEDS[i] for i in (other[0], other[1], own[1])), *CHANNELS[9:])

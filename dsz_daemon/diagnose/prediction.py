@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +15,21 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
 from dsz_daemon.diagnose.instruments import felt, rolled
 from dsz_daemon.diagnose.motion import CarModel, moved
-from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, Recording, filter_kernel, filtered
+from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 G = STANDARD_GRAVITY_MPS2
-# What is compared: the IMU, the wheels that don't give the speed, and the difference (right less left) of the others.
-CHANNELS = (*IMU_CHANNELS, "wheel_other_left", "wheel_other_right", "wheel_difference")
+# What is compared: the IMU, the wheels that don't give the speed, the difference (right less left) of the others, and
+# what a reference brings.
+CHANNELS = (
+    *IMU_CHANNELS,
+    "wheel_other_left",
+    "wheel_other_right",
+    "wheel_difference",
+    *(f"reference_{name}" for name in REFERENCE),
+)
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
@@ -34,7 +42,10 @@ _WIND_ROUNDS = 15
 
 
 class Drive(NamedTuple):
-    """One recording with the car as configured; `steer`, `wheels`, `measured` (n, 9) are the recording's own."""
+    """One recording with the car as configured; `steer`, `wheels`, `measured` (n, 13) are the recording's own.
+
+    `theirs` (n, 13): what the user's simulation has more than the nominal one, taken off `measured`.
+    """
 
     car: Car
     steering_ratio: float
@@ -44,6 +55,7 @@ class Drive(NamedTuple):
     measured: Floats
     front_gives_speed: bool
     vocabulary: Vocabulary = BUILT_IN
+    theirs: Floats | None = None
 
 
 class Profiles(NamedTuple):
@@ -62,9 +74,27 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: 
     wheels = np.column_stack([_bridged(recording.wheels_mps[:, i]) for i in range(4)])
     own, other = ((0, 1), (2, 3)) if front else ((2, 3), (0, 1))
     raw = recording.wheels_mps
-    measured = np.column_stack([recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]]])
+    beside = recording.reference
+    if beside is None:
+        beside = np.full((len(raw), len(REFERENCE)), np.nan)
+    measured = np.column_stack(
+        [recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]], beside]
+    )
     measured[:, _ALONG] = filtered(measured[:, _ALONG], _ALONG_KERNEL)
     return Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary)
+
+
+def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:
+    """The drive held against the user's simulation: channels (n,) by name, SI; where it has none, the nominal's.
+
+    What an effect does is the difference that it makes in the nominal simulation.
+    """
+    nominal = predicted(drive, nothing(drive.vocabulary), flat(len(drive.steer)))
+    theirs = np.zeros_like(nominal)
+    for channel, values in simulated.items():
+        c = CHANNELS.index(channel)
+        theirs[:, c] = (filtered(values, _ALONG_KERNEL) if c == _ALONG else values) - nominal[:, c]
+    return drive._replace(measured=drive.measured - theirs, theirs=theirs)
 
 
 def flat(n: int) -> Profiles:
@@ -145,7 +175,7 @@ class Moving(NamedTuple):
 
 
 def predicted(drive: Drive, x: Floats, road: Profiles) -> Floats:
-    """All channels (n, 9) for the parameters `x` (in the order of `COLUMNS`), on this road and `x`'s corrections."""
+    """All channels (n, 13) for the parameters `x` (in the order of `COLUMNS`), on this road and `x`'s corrections."""
     return shown(drive, x, driven(drive, x, road))
 
 
@@ -203,7 +233,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
 
 
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
-    """What the instruments make of the motion: all channels (n, 9)."""
+    """What the instruments make of the motion: all channels (n, 13)."""
     car, delay_s = drive.car, float(x[INDEX["wheel_speed_delay.delay_s"]])
     wheels = rolled(
         moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, car.front_track_m, car.rear_track_m
@@ -217,6 +247,8 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     _clip(drive, x, out)
     out[:, 6], out[:, 7] = wheels[:, other[0]], wheels[:, other[1]]
     out[:, 8] = wheels[:, own[1]] - wheels[:, own[0]]
+    out[:, 9], out[:, 10], out[:, 11] = moving.v_mps, moving.moved[:, motion.VY], moving.moved[:, motion.R]
+    out[:, 12] = moving.road.grade_rad
     _add_own(drive, x, moving, out)
     out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
     return out

@@ -26,6 +26,9 @@ FILTER_S = 0.06
 ALONG_FILTER_S = 0.15
 # Steering and wheel speeds come every 10 to 50 ms; what is missing for longer is not made up.
 LONGEST_GAP_S = 0.25
+# What a reference may bring: its columns, each on the log's clock, often once a second.
+REFERENCE = ("vx_mps", "vy_mps", "yaw_rate_radps", "grade_up_rad")
+_REFERENCE_GAP_S = 1.5
 
 
 class Recording(NamedTuple):
@@ -33,7 +36,8 @@ class Recording(NamedTuple):
 
     `time_s` (n,) counts from the first frame; `imu` (n, 6) in the order of `IMU_CHANNELS`, `wheels_mps` (n, 4) by the
     configured radius. `floor` (10,) is the standard deviation that white noise of the unfiltered channels leaves, IMU
-    channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel.
+    channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel. `reference` (n, 4)
+    and its floor (4,) are in the order of `REFERENCE`.
     """
 
     time_s: Floats
@@ -42,10 +46,17 @@ class Recording(NamedTuple):
     imu: Floats
     floor: Floats
     steering_step_rad: float = 0.0
+    reference: Floats | None = None
+    reference_floor: Floats | None = None
 
 
-def recorded(signals: Mapping[str, Signal], steering_ratio: float) -> Recording:
-    """The recording of decoded samples; `steering_ratio` is hand wheel over road wheel."""
+def recorded(
+    signals: Mapping[str, Signal], steering_ratio: float, reference: Mapping[str, Signal] | None = None
+) -> Recording:
+    """The recording of decoded samples; `steering_ratio` is hand wheel over road wheel.
+
+    Of a `reference` (states by name, SI) what is in `REFERENCE` is used, and `speed_mps` where there is no `vx_mps`.
+    """
     first = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
     last = max(int(signal.t_ns[-1]) for signal in signals.values() if len(signal.t_ns))
     time_s = DT_S * np.arange(int((last - first) * 1e-9 / DT_S) + 1, dtype=np.float64)
@@ -56,6 +67,7 @@ def recorded(signals: Mapping[str, Signal], steering_ratio: float) -> Recording:
         steering = _on_grid(signals.get("road_wheel_angle"), first, time_s)
     kernel = filter_kernel()
     smooth = {name: filtered(values, kernel) for name, values in raw.items()}
+    beside = on_grid_of(reference or {}, first, time_s)
     return Recording(
         time_s,
         filtered(steering, kernel),
@@ -63,16 +75,33 @@ def recorded(signals: Mapping[str, Signal], steering_ratio: float) -> Recording:
         np.column_stack([smooth[name] for name in IMU_CHANNELS]),
         np.array([_floor(signals.get(name), kernel) for name in names]),
         _step(signals.get("steering_wheel_angle")) / steering_ratio or _step(signals.get("road_wheel_angle")),
+        *((None, None) if beside is None else beside),
     )
 
 
-def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats) -> Floats:
+def on_grid_of(reference: Mapping[str, Signal], first_ns: int, time_s: Floats) -> tuple[Floats, Floats] | None:
+    """Reference states (n, 4) on the grid, filtered, with what is white in them (4,); None without any."""
+    found = {name: reference.get(name) for name in REFERENCE}
+    found["vx_mps"] = found["vx_mps"] or reference.get("speed_mps")
+    if not any(found.values()):
+        return None
+    kernel = filter_kernel()
+    values = [filtered(_on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S), kernel) for signal in found.values()]
+    return np.column_stack(values), np.array([_floor(signal, kernel) for signal in found.values()])
+
+
+def on_grid(signal: Signal, first_ns: int, time_s: Floats) -> Floats:
+    """One signal's samples on the grid, filtered; NaN where it is not."""
+    return filtered(_on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S), filter_kernel())
+
+
+def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats, longest_gap_s: float = LONGEST_GAP_S) -> Floats:
     if signal is None or len(signal.t_ns) < 2:
         return np.full(len(time_s), np.nan)
     at_s: Floats = np.asarray((signal.t_ns - first_ns) * 1e-9, dtype=np.float64)
     values = np.interp(time_s, at_s, signal.values, np.nan, np.nan)
     after = np.clip(np.searchsorted(at_s, time_s), 1, len(at_s) - 1)
-    values[at_s[after] - at_s[after - 1] > LONGEST_GAP_S] = np.nan
+    values[at_s[after] - at_s[after - 1] > longest_gap_s] = np.nan
     return values
 
 

@@ -6,6 +6,7 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ _EFFECT_FORM = 0.03
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.03
 _TRIED = 7
+_UPRIGHT = 5
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
@@ -149,14 +151,19 @@ def fitted(
 
 
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
-    """What the simulation's form may be off by (9,): its own, and a share of what the effects in it do."""
+    """What the simulation's form may be off by (13,): its own, and a share of what the effects in it do."""
     if not effects:
         return rows.form
     without = x.copy()
     without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
     change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
-    return np.asarray(np.hypot(rows.form, _EFFECT_FORM * rms), dtype=np.float64)
+    found = np.hypot(rows.form, _EFFECT_FORM * rms)
+    if {"road_bank", "road_grade"} & set(effects):
+        # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
+        noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
+        found[_UPRIGHT] = math.hypot(found[_UPRIGHT], noise)
+    return np.asarray(found, dtype=np.float64)
 
 
 def _loss(left: Floats, rows: Rows, scatter: Floats) -> float:
@@ -272,7 +279,7 @@ def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
 def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None) -> float:
     """Log likelihood that the larger model gains on blocks that its fit has not seen.
 
-    `per_row` (9,): how many rows count as one, if not as many as hang together in what the larger model leaves.
+    `per_row` (13,): how many rows count as one, if not as many as hang together in what the larger model leaves.
     """
     per_row = larger.per_row if per_row is None else per_row
     count = larger.sums.counts.copy()
@@ -331,7 +338,7 @@ def _without_idle(
 
 
 def slopes_of(found: Search, columns: Sequence[int]) -> Floats:
-    """Sensitivities (k, 9, len(columns)) at the end of the search."""
+    """Sensitivities (k, 13, len(columns)) at the end of the search."""
     best = found.best
     base = predicted(found.drive, best.x, best.road)
     return sensitivities(found.drive, found.rows, best.x, best.road, base, columns)

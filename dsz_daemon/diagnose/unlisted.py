@@ -11,14 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows
+from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, floors
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.search import LEAST_GAIN, Fit
 from dsz_daemon.signals import IMU_CHANNELS
 
-# Of a channel's power that is left: less is no shape worth a name.
+# Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
 LEAST_SHARE = 0.05
+_LEAST_LEVEL = 1.25
 
 
 class Coefficient(NamedTuple):
@@ -39,7 +40,10 @@ class Shape(NamedTuple):
 
 
 def library(drive: Drive, rows: Rows) -> dict[str, tuple[Floats, str]]:
-    """Products of recorded motion (k,) with their units; z forces are left out, being gravity."""
+    """Products of recorded motion (k,) with their units.
+
+    None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness).
+    """
     measured = np.nan_to_num(drive.measured[rows.at])
     v = np.mean(drive.wheels, axis=1)[rows.at]
     v_rate = np.gradient(np.mean(drive.wheels, axis=1), DT_S)[rows.at]
@@ -49,36 +53,32 @@ def library(drive: Drive, rows: Rows) -> dict[str, tuple[Floats, str]]:
         "vx": (v, "m/s"),
         "vx^2": (v * v, "m2/s2"),
         "vx^3": (v**3, "m3/s3"),
-        "ax": (v_rate, "m/s2"),
         "ax^2": (v_rate**2, "m2/s4"),
         "ax^3": (v_rate**3, "m3/s6"),
         "|ax|": (np.abs(v_rate), "m/s2"),
-        "ay": (side, "m/s2"),
         "ay^2": (side**2, "m2/s4"),
         "ay^3": (side**3, "m3/s6"),
         "|ay|": (np.abs(side), "m/s2"),
         "ax*ay": (v_rate * side, "m2/s4"),
-        "r": (r, "rad/s"),
         "|r|": (np.abs(r), "rad/s"),
         "r^2": (r * r, "rad2/s2"),
-        "r*vx^2": (r * v * v, "rad m2/s3"),
         "vx*ax": (v * v_rate, "m2/s3"),
-        "delta": (steer, "rad"),
         "|delta|": (np.abs(steer), "rad"),
-        "delta*vx^2": (steer * v * v, "rad m2/s2"),
     }
     return shapes
 
 
 def unlisted(drive: Drive, rows: Rows, fit: Fit) -> list[Shape]:
     """The best shape of each IMU channel in which structure is left; none where there is none."""
-    shapes = library(drive, rows)
+    shapes, floor = library(drive, rows), np.nan_to_num(floors(drive))
     found = []
     for c, channel in enumerate(CHANNELS[:6]):
         used = rows.used[:, c]
         if np.count_nonzero(used) < 500:
             continue
         left, block = fit.left[used, c], rows.block[used]
+        if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(floor[c], fit.form[c])):
+            continue
         coarse = len(left) * fit.form[c] ** 2
         before = _unseen([np.ones(len(left))], left, block) + coarse
         best: Shape | None = None

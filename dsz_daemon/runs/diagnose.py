@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.answer import UNEXPLAINED, answered, columns_of_fit
-from dsz_daemon.diagnose.comparison import SLOW_MPS, driven_s, rows_of
-from dsz_daemon.diagnose.prediction import drive_of
-from dsz_daemon.diagnose.recording import Floats, recorded
-from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose import diagnose as diagnosed
+from dsz_daemon.diagnose.answer import UNEXPLAINED, columns_of_fit
+from dsz_daemon.diagnose.recording import Floats
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
 from dsz_daemon.edge.samples_file import write_columns
@@ -22,13 +20,22 @@ from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
+from dsz_daemon.runs.states_file import check_overlap, read_states
 from dsz_daemon.runs.summary import write_json
-from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
 Progress = Callable[[int, int], None]
 
-_SHORTEST_S = 20.0
 _SIDE_BY_SIDE = 2
+
+
+class Beside(NamedTuple):
+    """What a user may hold beside a recording: measured states, and a simulation of one's own."""
+
+    reference: Path | None = None
+    simulation: Path | None = None
+
+
+NOTHING_BESIDE = Beside()
 
 
 def diagnose(
@@ -37,43 +44,50 @@ def diagnose(
     folder: Path,
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
+    beside: Beside = NOTHING_BESIDE,
 ) -> dict[str, Any]:
     """Writes diagnosis.json, fit.parquet and report.html of one recording (in pieces) into `folder`; returns the first.
 
     `say` hears what is being done. InputError: nothing to drive the simulation with (steering, wheel speeds), nothing
-    to compare, or too little of it.
+    to compare, too little of it, or a file beside it that can't be read or is of another time.
     """
     setup = set_up(config)
     output_folder(folder)
     report = LogReport()
     signals = signals_of(setup, logs, report, progress)
-    missing = [name for name in WHEEL_SPEEDS if name not in signals]
-    if missing:
-        raise InputError(f"no samples of {', '.join(missing)}: the simulation is driven by four wheel speeds")
-    if not {"steering_wheel_angle", "road_wheel_angle"} & set(signals):
-        raise InputError("no samples of a steering angle: the simulation is driven by it")
-    if not any(name in signals for name in IMU_CHANNELS):
-        raise InputError("no samples of any IMU channel: there is nothing to hold the simulation against")
-    vehicle = setup.settings.vehicle
-    drive = drive_of(recorded(signals, vehicle.steering_ratio), vehicle.car(), vehicle.steering_ratio)
-    rows = rows_of(drive)
-    length_s = driven_s(drive, rows)
-    if length_s < _SHORTEST_S:
-        raise InputError(
-            f"{length_s:.1f} s of driving (above {SLOW_MPS:g} m/s, all signals there); "
-            f"expected {_SHORTEST_S:g} s or more to fit and to judge"
-        )
-    with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
-        found = searched(drive, rows, setup.settings.diagnose.tolerance, say, pool.map)
-    result: dict[str, Any] = plain(answered(found))
-    result |= {"versions": versions(), "settings": setup.settings.used()}
-    result["source"] = {"recording": [path.name for path in logs], "log": report.summary()}
-    write_json(result, folder / "diagnosis.json")
     first_s = min(int(signal.t_ns[0]) for signal in signals.values()) * 1e-9
+    last_s = max(int(signal.t_ns[-1]) for signal in signals.values()) * 1e-9
+    reference, simulation = (_states(path, first_s, last_s) for path in beside)
+    vehicle = setup.settings.vehicle
+    with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
+        said, found = diagnosed(
+            signals,
+            vehicle.car(),
+            vehicle.steering_ratio,
+            tolerance=setup.settings.diagnose.tolerance,
+            reference=reference,
+            simulation=simulation,
+            say=say,
+            each=pool.map,
+        )
+    result: dict[str, Any] = plain(said)
+    result |= {"versions": versions(), "settings": setup.settings.used()}
+    result["source"] = {"recording": [path.name for path in logs], "log": report.summary()} | {
+        name: path.name for name, path in beside._asdict().items() if path is not None
+    }
+    write_json(result, folder / "diagnosis.json")
     columns = columns_of_fit(found, first_s)
     write_columns(columns, folder / "fit.parquet")
     _write_report(folder / "report.html", result, columns, ", ".join(path.name for path in logs))
     return result
+
+
+def _states(path: Path | None, first_s: float, last_s: float) -> Mapping[str, Signal] | None:
+    if path is None:
+        return None
+    states = read_states(path)
+    check_overlap(states, first_s, last_s, path)
+    return states.signals
 
 
 def _write_report(path: Path, result: dict[str, Any], columns: Mapping[str, Floats], title: str) -> None:
@@ -100,6 +114,8 @@ def words(result: dict[str, Any]) -> str:
         lines.append(f"- {cause['statement']} ({cause['effect']}, probability {cause['probability']:.2f})")
         if cause["indistinguishable_from"]:
             lines.append(f"  this recording can't tell it from: {', '.join(cause['indistinguishable_from'])}")
+        if cause["next_manoeuvre"]:
+            lines.append(f"  to tell them apart: {cause['next_manoeuvre']}")
     for error in result["parameter_errors"]:
         found = f"{error['fitted']:.0f} +- {error['std']:.0f}"
         lines.append(f"- {error['parameter']}: configured {error['configured']:.0f}, fits best at {found}")

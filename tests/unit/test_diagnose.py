@@ -4,18 +4,27 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
+from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.comparison import FOLDS, Rows
 from dsz_daemon.diagnose.evidence import Box, correlated_rows, gain, held_out, solved, sums
+from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.samples_file import read_samples
-from dsz_daemon.runs.diagnose import diagnose
+from dsz_daemon.errors import InputError
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.runs.diagnose import diagnose, signals_of, words
+from dsz_daemon.runs.setup import set_up
 from dsz_daemon.runs.simulate import simulate
+from dsz_daemon.runs.states_file import read_states
+from dsz_daemon.signals import IMU_CHANNELS
 
 
 def diagnosed(folder: Path, *effects: str, seed: int = 5, scenario: str = "sine_steer") -> dict[str, Any]:
@@ -60,13 +69,106 @@ def test_one_thing_left_out_is_named(tmp_path: Path, effect: str, expected: tupl
     assert found["located"]
 
 
-def test_what_no_name_fits_is_not_called_consistent(tmp_path: Path) -> None:
-    """A reversed accelerometer has no name yet: the level of what is left must say that something is wrong."""
+def test_an_axis_that_is_turned_round_is_said_and_nothing_else(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, "axis_fault:channel=accel_y,kind=reversed")
-    assert found["verdict"] in {"unexplained", "partly_explained"}
-    assert found["level"]["accel_y"] > 10.0
-    assert max(value for name, value in found["level"].items() if name.startswith("gyro")) < 3.0
-    assert "accel_y" in {place["channel"] for place in found["located"]}
+    assert [cause["effect"] for cause in found["causes"]] == ["axis_fault"]
+    assert values(found) == {"channel": "accel_y", "kind": "reversed"}
+    assert found["fit"]["accel_y"]["held_out"]["after"] < 0.1
+    assert "accel_y is not what it is called: reversed" in words(found)
+
+
+def signals_and_car(folder: Path, *effects: str) -> tuple[dict[str, Signal], Car, float]:
+    simulate("sine_steer", folder, 5, None, list(effects), from_nominal=True)
+    setup = set_up(folder / "config.yaml")
+    signals = signals_of(setup, [folder / "recording.log"], LogReport())
+    vehicle = setup.settings.vehicle
+    return signals, vehicle.car(), vehicle.steering_ratio
+
+
+def lifted(signals: dict[str, Signal], k: float) -> dict[str, Signal]:
+    """As if the vertical accelerometer read k v^3 more: rectified vibration, for which there is no name."""
+    wheel, accel = signals["wheel_speed_rl"], signals["accel_z"]
+    speed = np.interp(accel.t_ns, wheel.t_ns, wheel.values)
+    return signals | {"accel_z": accel._replace(values=accel.values + k * speed**3)}
+
+
+def test_what_no_name_fits_is_given_its_shape_and_no_name(tmp_path: Path) -> None:
+    signals, car, ratio = signals_and_car(tmp_path)
+    found = api.diagnose(lifted(signals, 1e-4), car, ratio).said
+    assert (found.verdict, found.causes) == ("unexplained", [])
+    [shape] = found.unlisted
+    assert (shape.channel, shape.shape) == ("accel_z", "k*vx^3")
+    assert shape.coefficient.value == pytest.approx(1e-4, rel=0.05)
+
+
+def test_an_effect_of_ones_own_is_named(tmp_path: Path) -> None:
+    """The example of docs/diagnose.md."""
+
+    def shaken(motion: api.Motion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        return {"accel_z": values["k"] * motion.speed_mps**3}
+
+    vibration = api.Effect(
+        name="rectified_vibration",
+        words="Vibration shifts the vertical accelerometer by {k:.1e} v^3",
+        equation="reading_z += k v^3",
+        touches=api.SENSORS,
+        parameters=(api.Parameter("k", "s/m2", step=1e-4, low=-1e-2, high=1e-2, least=1e-6),),
+        shows=shaken,
+    )
+    signals, car, ratio = signals_and_car(tmp_path)
+    found = api.diagnose(lifted(signals, 1e-4), car, ratio, effects=(vibration,)).said
+    [cause] = found.causes
+    assert (cause.effect, found.verdict, found.unlisted) == ("rectified_vibration", "explained", [])
+    assert cause.parameters["k"].value == pytest.approx(1e-4, rel=0.05)
+    assert "1.0e-04 v^3" in cause.statement
+
+
+def test_a_simulation_of_ones_own_is_what_is_held_against(tmp_path: Path) -> None:
+    """The truth stands for a perfect one: it leaves nothing to be said but what the sensors do."""
+    signals, car, ratio = signals_and_car(tmp_path / "good")
+    perfect = read_states(tmp_path / "good/truth.parquet").signals
+    same = api.diagnose(signals, car, ratio, simulation={name: perfect[name] for name in IMU_CHANNELS}).said
+    assert (same.verdict, same.causes) == ("consistent", [])
+    signals, car, ratio = signals_and_car(
+        tmp_path / "bad", "imu_misalignment:roll_rad=0.03,pitch_rad=-0.02,yaw_rad=0.04"
+    )
+    found = api.diagnose(signals, car, ratio, simulation={name: perfect[name] for name in IMU_CHANNELS}).said
+    assert [cause.effect for cause in found.causes] == ["imu_misalignment"]
+    assert found.causes[0].parameters["yaw_rad"].value == pytest.approx(0.04, abs=2e-3)
+    with pytest.raises(InputError, match="nothing to hold it against"):
+        api.diagnose(signals, car, ratio, simulation={"speed_mps": signals["wheel_speed_fl"]})
+
+
+def test_a_reference_speed_tells_the_common_wheel_factor(tmp_path: Path) -> None:
+    """All four wheels 1 % larger than configured: wheels alone can't tell; a measured speed does."""
+    signals, car, ratio = signals_and_car(tmp_path, "wheel_radius:fl=1.01,fr=1.01,rl=1.01,rr=1.01")
+    truth = read_states(tmp_path / "truth.parquet").signals
+    found = api.diagnose(signals, car, ratio, reference={"speed_mps": truth["speed_mps"]}).said
+    [cause] = found.causes
+    assert cause.effect == "wheel_radius"
+    for wheel in ("fl", "fr", "rl", "rr"):
+        assert cause.parameters[wheel].value == pytest.approx(1.01, abs=5e-4)
+
+
+def test_files_beside_the_recording_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulate("sine_steer", tmp_path, 5, from_nominal=True)
+    arguments = [
+        "diagnose",
+        str(tmp_path / "recording.log"),
+        "-c",
+        str(tmp_path / "config.yaml"),
+        "-o",
+        str(tmp_path / "o"),
+    ]
+    assert main([*arguments, "--reference", str(tmp_path / "truth.parquet")]) == 0
+    found = json.loads((tmp_path / "o/diagnosis.json").read_text())
+    assert found["source"]["reference"] == "truth.parquet"
+    assert "reference_vx_mps" in found["fit"]
+    page = (tmp_path / "o/report.html").read_text(encoding="utf-8")
+    assert "recording.log" in page
+    capsys.readouterr()
+    assert main([*arguments, "--simulation", str(tmp_path / "none.csv")]) == 3
+    assert "none.csv" in capsys.readouterr().err
 
 
 def test_ratios_are_true_over_configured(tmp_path: Path) -> None:
