@@ -25,7 +25,7 @@ SLOW_MPS, GUARD_S = 3.0, 1.0
 STILL_MPS = 0.05
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
 FORM = 0.003
-WHEEL_FORM = 0.001
+WHEEL_FORM = 0.0004
 
 
 class Rows(NamedTuple):

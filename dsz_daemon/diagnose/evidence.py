@@ -128,13 +128,17 @@ def correlated_rows(left: Floats, used: Bools) -> Floats:
     return found
 
 
-def gain(before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats) -> float:
+def gain(
+    before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats, quiet: Bools | None = None
+) -> float:
     """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
 
-    `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing.
+    `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing, and neither does a
+    channel that is `quiet` (13,) already; it may lose.
     """
     n = count.sum(axis=0)
     known = n > 0
     coarse = n[known] * np.maximum(form[known] ** 2, 1e-24)
     old, new = before.sum(axis=0)[known] + coarse, after.sum(axis=0)[known] + coarse
-    return float(np.sum(0.5 * n[known] / per_row[known] * np.log(old / new)))
+    each = 0.5 * n[known] / per_row[known] * np.log(old / new)
+    return float(np.sum(each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)))

@@ -34,6 +34,8 @@ CHANNELS = (
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
 _ACROSS = 4
+# A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
+_ROAD_KERNEL = filter_kernel(0.2)
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -141,7 +143,7 @@ def felt_road(drive: Drive, x: Floats, effects: tuple[str, ...]) -> Profiles:
         left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, road)[:, :2])
         yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
         bank, slope = _integrated(left[:, 0], left[:, 1], yaw, "road_bank" in effects, "road_grade" in effects)
-        road = road._replace(bank_rad=bank, grade_rad=-slope)
+        road = road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
     if "side_wind" not in effects:
         return road
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
+from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, robust_std, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
 from dsz_daemon.diagnose.guesses import guesses
@@ -34,6 +34,8 @@ _SHARE_OF_ALL = 0.03
 _TRIED = 7
 _UPRIGHT = 5
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
+# Of the power that noise and form may leave: a channel with less has nothing to gain.
+_QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 _MOST_EFFECTS = 6
@@ -282,17 +284,26 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
     `per_row` (13,): how many rows count as one, if not as many as hang together in what the larger model leaves.
     """
     per_row = larger.per_row if per_row is None else per_row
-    count = larger.sums.counts.copy()
+    count, form = larger.sums.counts.copy(), smaller.form.copy()
     for effect in set(larger.effects) - set(smaller.effects):
         count[:, _NO_JUDGES.get(effect, [])] = 0.0
+        if effect in {"road_bank", "road_grade"}:
+            # With the profile comes its gyro's noise.
+            form[_UPRIGHT] = max(form[_UPRIGHT], larger.form[_UPRIGHT])
     parameters = drive.vocabulary.columns
     moved = [
         i
         for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
         if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
-    found = gain(smaller.unseen, larger.unseen, count, per_row, smaller.form)
+    found = gain(smaller.unseen, larger.unseen, count, per_row, form, _quiet(drive, smaller))
     return found - _A_PARAMETER * len(moved)
+
+
+def _quiet(drive: Drive, fit: Fit) -> Bools:
+    """Channels (13,) in which no more is left than noise and form leave."""
+    power = fit.unseen.sum(axis=0) / np.maximum(fit.sums.counts.sum(axis=0), 1.0)
+    return np.asarray(power < _QUIET * (np.nan_to_num(floors(drive)) ** 2 + fit.form**2))
 
 
 def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[str]:
