@@ -149,7 +149,7 @@ def _cause(found: Search, effect: str) -> Cause | None:
     if named and not any(named):
         return None
     units = {p.name: p.unit for p in described.parameters}
-    values = {n: value for n, value in values.items() if not math.isinf(least.get(n, 0.0)) or effect == "low_friction"}
+    values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}
     values, units = _as_told(effect, values, units)
     group, alternatives = _alternatives(found, effect)
     odds = sum(float(one["probability"]) for one in alternatives if one["effect"] not in group)

@@ -25,6 +25,7 @@ SLOW_MPS, GUARD_S = 3.0, 1.0
 STILL_MPS = 0.05
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
 FORM = 0.003
+_STEEPEST = 1e9
 WHEEL_FORM = 0.0004
 
 
@@ -85,7 +86,8 @@ def driven_s(drive: Drive, rows: Rows) -> float:
 
 def residual(rows: Rows, prediction: Floats) -> Floats:
     """Measured less predicted (k, 13), 0 where a row does not count."""
-    return np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
+    left = np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
+    return np.asarray(np.clip(np.nan_to_num(left, nan=_STEEPEST), -_STEEPEST, _STEEPEST))
 
 
 def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
@@ -137,4 +139,5 @@ def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Flo
         there = shown(drive, moved, moving) if touches.get(effect, CAR) == SENSORS else predicted(drive, moved, road)
         found[:, :, place] = (there - base)[rows.at] / step
     found *= rows.used[:, :, np.newaxis]
-    return found
+    # Beside a car that is about to spin a step further is anything; nothing is learnt from that.
+    return np.asarray(np.clip(np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0), -_STEEPEST, _STEEPEST))

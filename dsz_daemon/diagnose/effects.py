@@ -73,6 +73,8 @@ _BODY = (
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
     Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
+# How sharply force bends to its limit.
+_SHARPNESS = Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf)
 _PITCH = (*_BODY, Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf))
 
 EFFECTS: tuple[Effect, ...] = (
@@ -184,9 +186,9 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(
         "tyre_saturation",
         "Grip ends at a friction coefficient of some {friction_coefficient:.2f}",
-        "F = mu F_z tanh(C alpha / (mu F_z))",
+        "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z)",
         CAR,
-        (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3),),
+        (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3), _SHARPNESS),
     ),
     Effect(
         "tyre_relaxation",
@@ -274,10 +276,11 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(
         "low_friction",
         "Grip ends at a friction coefficient of some {friction_coefficient:.2f} from {start_s:.1f} to {end_s:.1f} s",
-        "F = mu F_z tanh(C alpha / (mu F_z)) for a while",
+        "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z), for a while",
         CAR,
         (
             Parameter("inverse_square", "1", 1.0, 0.0, 400.0, 0.3),
+            _SHARPNESS,
             Parameter("start_s", "s", 5.0, 0.0, 1e5, math.inf),
             Parameter("end_s", "s", 5.0, 0.0, 1e5, math.inf),
         ),

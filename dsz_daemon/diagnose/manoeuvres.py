@@ -50,8 +50,8 @@ MANOEUVRES = (
         lambda t: 0.12 * np.sign(np.sin(2.0 * np.pi * t / 20.0)),
     ),
     Manoeuvre(
-        "hold a bend of 60 m radius and speed up slowly from 20 to 65 km/h, to the left and to the right",
-        lambda t: 5.5 + 12.5 * ((t / 20.0) % 1.0),
+        "hold a bend of 60 m radius, from 20 to 65 km/h and back, to the left and then to the right",
+        lambda t: 5.5 + 12.5 * np.abs(np.sin(np.pi * t / 20.0)),
         lambda t: np.where(t < 20.0, 1.0, -1.0) / 60.0,
     ),
     Manoeuvre(

@@ -23,6 +23,9 @@ ROLLING_MPS = 2.5
 # A body on its springs, of a passenger car.
 BODY_RADPS, BODY_DAMPING = 2.0 * math.pi * 1.5, 0.35
 
+# How long a tyre stays linear, see `_limited`: between a brush and a clamp.
+SHARPNESS = 2.5
+
 # Columns of what `moved` returns.
 VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA = range(10)
 
@@ -45,6 +48,7 @@ class CarModel(NamedTuple):
     pitch_gradient: float
     pitch_radps: float
     pitch_damping: float
+    sharpness: float
     wind_ahead_m: float
     steered_pull: float
     parallel_steer: float
@@ -52,12 +56,18 @@ class CarModel(NamedTuple):
 
 
 @compiled
-def _limited(force: float, load_n: float, grip: float) -> float:
-    """A linear tyre's force, bent down to the limit load/sqrt(grip); `grip` is 1/friction^2, 0 without an end."""
+def _limited(force: float, load_n: float, grip: float, sharpness: float) -> float:
+    """A linear tyre's force, bent down to the limit load/sqrt(grip); `grip` is 1/friction^2, 0 without an end.
+
+    F = F_0 / (1 + x^n)^(1/n), x = F_0 over the limit: n = 2 bends early, the larger n the longer it stays linear.
+    """
     if grip <= 0.0:
         return force
     x = abs(force) * math.sqrt(grip) / load_n
-    return force if x < 1e-9 else force * math.tanh(x) / x
+    if x < 1e-9:
+        return force
+    # Far beyond the limit x^n would overflow.
+    return force / x if x > 1e6 else force / (1.0 + x**sharpness) ** (1.0 / sharpness)
 
 
 @compiled
@@ -116,8 +126,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             front, rear = 0.0, 0.0
             ay, r_rate = r * v, (r - r_before) / dt_s
         elif car.relaxation_m <= 0.0:
-            front = _limited(-car.front_stiffness * (math.atan2(vy + lf * r, v) - delta), front_load, grip[i])
-            rear = _limited(-car.rear_stiffness * math.atan2(vy - lr * r, v), rear_load, grip[i])
+            front = _limited(
+                -car.front_stiffness * (math.atan2(vy + lf * r, v) - delta), front_load, grip[i], car.sharpness
+            )
+            rear = _limited(-car.rear_stiffness * math.atan2(vy - lr * r, v), rear_load, grip[i], car.sharpness)
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
         cos = math.cos(delta)
         if v >= ROLLING_MPS:
@@ -143,9 +155,14 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         front_goal = _limited(
-            -car.front_stiffness * (math.atan2(vy_mid + lf * r_mid, v_mid) - delta_mid), front_load, grip[i]
+            -car.front_stiffness * (math.atan2(vy_mid + lf * r_mid, v_mid) - delta_mid),
+            front_load,
+            grip[i],
+            car.sharpness,
         )
-        rear_goal = _limited(-car.rear_stiffness * math.atan2(vy_mid - lr * r_mid, v_mid), rear_load, grip[i])
+        rear_goal = _limited(
+            -car.rear_stiffness * math.atan2(vy_mid - lr * r_mid, v_mid), rear_load, grip[i], car.sharpness
+        )
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
             share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)

@@ -225,6 +225,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("suspension_pitch.pitch_gradient_rad_per_mps2"),
         motion.BODY_RADPS * (1.0 + at("suspension_pitch.frequency_share")),
         motion.BODY_DAMPING + at("suspension_pitch.damping"),
+        motion.SHARPNESS + at("tyre_saturation.sharpness") + at("low_friction.sharpness"),
         at("side_wind.ahead_m"),
         at("steered_pull"),
         at("parallel_steer"),

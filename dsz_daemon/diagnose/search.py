@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, nothing, predicted
@@ -32,6 +32,7 @@ _EFFECT_FORM = 0.03
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.03
 _TRIED = 7
+_MOMENTS = [("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s")]
 _UPRIGHT = 5
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
@@ -147,7 +148,9 @@ def fitted(
     found = sums(rows, left, slopes, scatter)
     per_row = correlated_rows(left, rows.used)
     box = box_of(words.columns, x, columns, tolerance)
-    unseen = held_out(found, range(len(columns)), box) * scatter**2
+    # When a stretch begins and ends is told by the moments around, which some fold has not seen.
+    lasting = [place for place, i in enumerate(columns) if words.columns[i] not in _MOMENTS]
+    unseen = held_out(found, lasting, box) * scatter**2
     form = _form(drive, rows, x, effects, base)
     return Fit(x, _spread(found, per_row, box), effects, left, scatter, per_row, found, columns, unseen, road, form)
 
@@ -234,8 +237,29 @@ class _Trial:
 
     def __call__(self, start: tuple[str, Floats]) -> Step:
         effect, x = start
-        fit = fitted(self.drive, self.rows, x, (*self.best.effects, effect), self.tolerance)
+        effects = (*self.best.effects, effect)
+        fit = fitted(self.drive, self.rows, x, effects, self.tolerance)
+        if effect == "low_friction":
+            # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
+            moved = _with_best_moments(self.drive, self.rows, fit)
+            fit = fitted(self.drive, self.rows, moved, effects, self.tolerance)
         return Step(effect, gained(self.drive, self.best, fit), fit)
+
+
+def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
+    """The parameters with the moments in which a stretch begins and ends moved to where least is left."""
+    x, least = fit.x.copy(), _loss(fit.left, rows, fit.scatter)
+    moments = [i for i, column in enumerate(drive.vocabulary.columns) if column in _MOMENTS]
+    last_s = float(drive.recording.time_s[-1])
+    for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
+        for i in moments:
+            for sign in (-1.0, 1.0):
+                trial = x.copy()
+                trial[i] = min(max(trial[i] + sign * by_s, 0.0), last_s)
+                loss = _loss(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
+                if loss < least:
+                    x, least = trial, loss
+    return x
 
 
 def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
-NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, 0.0, 0.0, 0.0, TRACK)
+NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK)
 DT_S = 0.01
 T = DT_S * np.arange(1000)
 NONE = np.zeros(len(T))
@@ -81,7 +81,7 @@ def test_force_builds_up_over_the_relaxation_length() -> None:
 def test_grip_ends_at_friction_times_load() -> None:
     grip = np.full(len(T), 1.0 / 0.5**2)
     rows = driven(NOMINAL, 10.0, np.full(len(T), 0.6), grip=grip)
-    assert np.max(rows[:, motion.FRONT_N]) == pytest.approx(0.5 * M * G * LR / (LF + LR), rel=1e-3)
+    assert np.max(rows[:, motion.FRONT_N]) == pytest.approx(0.5 * M * G * LR / (LF + LR), rel=0.03)
 
 
 def test_a_bank_pulls_the_car_down_and_wind_pushes_it() -> None:

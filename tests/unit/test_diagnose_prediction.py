@@ -130,7 +130,9 @@ def test_a_felt_road_is_the_integral_of_what_the_gyros_have_left() -> None:
     one = drive(np.full(N, 20.0))
     one.measured[:, 1] = -np.gradient(climb, DT_S)
     road = felt_road(one, nothing(), ("road_grade",))
-    np.testing.assert_allclose(road.grade_rad, climb, atol=2e-4)
+    # But for its corners, which are rounder than a road's.
+    np.testing.assert_allclose(road.grade_rad, climb, atol=1e-3)
+    np.testing.assert_allclose(road.grade_rad[600:1400], climb[600:1400], atol=2e-4)
     assert predicted(one, nothing(), road)[2500, 3] == pytest.approx(G * np.sin(0.1), rel=1e-3)
 
 
@@ -154,7 +156,14 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
             }
             # Nothing rolls or pitches here: what only those show shows nothing.
             silent |= effect.name == "imu_lever_arm" and parameter.name == "z_m"
-            silent |= parameter.name in {"frequency_share", "damping", "above_m", "ahead_m", "front_brakes_more"}
+            silent |= parameter.name in {
+                "frequency_share",
+                "damping",
+                "above_m",
+                "ahead_m",
+                "front_brakes_more",
+                "sharpness",
+            }
             # A limit beyond what is read, and a stretch without a friction, are none.
             silent |= effect.name == "low_friction" and parameter.name != "inverse_square"
             silent |= effect.name == "low_friction"

@@ -1,0 +1,155 @@
+"""diagnose: where a fit begins, what can't be told apart, and what to drive next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+
+from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.evidence import gain
+from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
+from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S, Recording
+from dsz_daemon.diagnose.search import Search, searched
+
+N = 6000
+T = DT_S * np.arange(N)
+NOISE = (0.0008, 0.0008, 0.0008, 0.004, 0.004, 0.004)
+TOLERANCE = {"front_cornering_stiffness_n_per_rad": 0.1, "rear_cornering_stiffness_n_per_rad": 0.1}
+
+
+def drive(
+    left_out: dict[str, float],
+    v: np.ndarray,
+    steer: np.ndarray,
+    seed: int = 1,
+    change: Callable[[Drive], None] | None = None,
+) -> Drive:
+    """What the kernel itself predicts with `left_out` in it, and noise: for what does not depend on who made it."""
+    rng = np.random.default_rng(seed)
+    floor = np.array([*NOISE, *[2e-3] * 4])
+    made = drive_of(Recording(T, steer, np.tile(v[:, None], (1, 4)), np.zeros((N, 6)), floor), TUCSON, 16.0)
+    x = nothing()
+    for name, value in left_out.items():
+        x[INDEX[name]] = value
+    made.measured[:, :9] = predicted(made, x, flat(N))[:, :9]
+    for c in range(6):
+        made.measured[:, c] += np.convolve(rng.normal(size=N), np.ones(15) / 15**0.5, "same") * NOISE[c]
+    made.measured[:, 6:9] += rng.normal(size=(N, 3)) * 2e-3
+    if change is not None:
+        change(made)
+    return made
+
+
+CITY_V = 12.0 + 4.0 * np.sin(0.3 * T)
+CITY_STEER = 0.04 * np.sin(0.9 * T) + 0.02 * np.sin(2.3 * T)
+
+
+def found(one: Drive) -> Search:
+    return searched(one, rows_of(one), TOLERANCE)
+
+
+def test_a_clipped_sensor_is_guessed_at_its_furthest_reading() -> None:
+    one = drive({"sensor_saturation.accel_limit_mps2": 1.5}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    start = dict(guesses(one, rows, nothing(), residual(rows, predicted(one, nothing(), flat(N)))))["sensor_saturation"]
+    assert start[INDEX["sensor_saturation.accel_limit_mps2"]] == pytest.approx(1.5, abs=0.05)
+    assert start[INDEX["sensor_saturation.gyro_limit_radps"]] == 0.0
+
+
+def test_nothing_is_guessed_where_nothing_is_left() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    assert guesses(one, rows, nothing(), residual(rows, predicted(one, nothing(), flat(N)))) == []
+
+
+def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
+    ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 20.0, "low_friction.end_s": 40.0}
+    search = found(drive(ice, CITY_V, CITY_STEER))
+    assert search.best.effects == ("low_friction",)
+    best = {name: search.best.x[i] for name, i in INDEX.items() if name.startswith("low_friction")}
+    assert best["low_friction.inverse_square"] ** -0.5 == pytest.approx(0.4, rel=0.05)
+    assert best["low_friction.start_s"] == pytest.approx(20.0, abs=0.5)
+    assert best["low_friction.end_s"] == pytest.approx(40.0, abs=0.5)
+
+
+def test_wind_is_named_by_what_it_does_to_the_yaw_rate() -> None:
+    rng = np.random.default_rng(4)
+    gusts = 500.0 * np.convolve(rng.normal(size=N), np.exp(-0.5 * (np.arange(-300, 301) / 80.0) ** 2), "same") / 12.0
+
+    def blow(one: Drive) -> None:
+        x = nothing()
+        x[INDEX["side_wind.ahead_m"]] = 0.3
+        change = predicted(one, x, flat(N)._replace(side_n=gusts)) - predicted(one, nothing(), flat(N))
+        one.measured[:] += change
+
+    search = found(drive({}, CITY_V, CITY_STEER, change=blow))
+    assert search.best.effects == ("side_wind",)
+    assert np.corrcoef(search.best.road.side_n[500:-500], gusts[500:-500])[0, 1] > 0.9
+
+    def shake(one: Drive) -> None:
+        # What the accelerometer alone feels is no wind.
+        one.measured[:, 4] += gusts / TUCSON.mass_kg
+
+    assert "side_wind" not in found(drive({}, CITY_V, CITY_STEER, change=shake)).best.effects
+
+
+def test_permuted_in_time_nothing_is_named() -> None:
+    """What is left of a lever arm, its rows shuffled, is noise of the same size."""
+
+    def shuffle(one: Drive) -> None:
+        nominal = predicted(one, nothing(), flat(N))[:, :6]
+        order = np.random.default_rng(3).permutation(N)
+        one.measured[:, :6] = nominal + (one.measured[:, :6] - nominal)[order]
+
+    arm = {"imu_lever_arm.x_m": 0.8, "imu_lever_arm.y_m": 0.4}
+    assert found(drive(arm, CITY_V, CITY_STEER)).best.effects == ("imu_lever_arm",)
+    assert found(drive(arm, CITY_V, CITY_STEER, change=shuffle)).best.effects == ()
+
+
+def test_dropouts_name_nothing() -> None:
+    """One reading in twenty is missing, each channel its own."""
+
+    def drop(one: Drive) -> None:
+        one.measured[:, :6][np.random.default_rng(5).random((N, 6)) < 0.05] = np.nan
+
+    assert found(drive({}, CITY_V, CITY_STEER, change=drop)).best.effects == ()
+
+
+def test_a_quiet_channel_has_nothing_to_gain_and_may_lose() -> None:
+    before, count = np.array([[100.0, 100.0]]), np.array([[100.0, 100.0]])
+    better, worse = before / 4.0, before * 4.0
+    ones, none = np.ones(2), np.zeros(2)
+    loud = np.array([False, False])
+    assert gain(before, better, count, ones, none, loud) == pytest.approx(2 * 50.0 * np.log(4.0))
+    assert gain(before, better, count, ones, none, np.array([True, False])) == pytest.approx(50.0 * np.log(4.0))
+    assert gain(before, worse, count, ones, none, np.array([True, True])) == pytest.approx(-2 * 50.0 * np.log(4.0))
+
+
+def test_manoeuvres_are_drives_that_a_car_can_do() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    for manoeuvre in MANOEUVRES:
+        made = driven(one, manoeuvre)
+        # The simulation begins with the wheels turned: after that.
+        assert np.nanmax(np.abs(made.measured[200:, 4])) < 8.0, manoeuvre.words
+        assert np.max(np.abs(np.gradient(made.wheels[:, 0], DT_S))) < 8.0, manoeuvre.words
+        assert np.min(made.wheels) > 0.0
+
+
+def test_what_splits_explanations_is_driven_next() -> None:
+    """No steering and braking on a flat road rolls the nominal car; a dive shows where it brakes."""
+    one = drive({}, CITY_V, CITY_STEER)
+    x = nothing()
+    x[INDEX["gyro_scale.x"]] = 0.1
+    assert next_manoeuvre(one, x, "gyro_scale", ["gyro_cross_axis"]) is None
+    x[INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]] = 0.01
+    words = next_manoeuvre(one, x, "suspension_pitch", ["accel_scale"])
+    assert words is not None
+    assert "brak" in words
+    x[INDEX["steering_ratio.scale"]] = 0.1
+    assert next_manoeuvre(one, x, "steering_ratio", ["cornering_stiffness"]) is not None
