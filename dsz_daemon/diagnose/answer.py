@@ -28,6 +28,8 @@ _STIFFNESS_SPREADS, _LEAST_STIFFNESS = 3.0, 0.03
 _STIFFNESS_SHARE = 0.05
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
+# Of a moment: so uncertain that no spread is stated.
+_NEVER_S = 100.0
 # As the contract has them: true over configured, which is 1 where nothing is left out.
 _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr")} | {
     ("steering_ratio", "scale"),
@@ -150,6 +152,9 @@ def _cause(found: Search, effect: str) -> Cause | None:
         return None
     units = {p.name: p.unit for p in described.parameters}
     values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}
+    values = {
+        n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
+    }
     values, units = _as_told(effect, values, units)
     group, alternatives = _alternatives(found, effect)
     odds = sum(float(one["probability"]) for one in alternatives if one["effect"] not in group)

@@ -6,12 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import BLOCK_S, Rows
+from dsz_daemon.diagnose.comparison import Bools, Rows
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.signals import WHEEL_SPEEDS
 
-# A block stands out if its mean square is this many times what is usual where nothing is left out.
+# A second stands out if its mean square is this many times what is usual where nothing is left out.
 _STANDS_OUT = 3.0
+_BIN_S = 1.0
+# Between two stretches so near (bins) all is one; one so short is none.
+_GAP, _SHORTEST = 4, 2
+_MOST_PLACES = 40
 
 
 class Place(NamedTuple):
@@ -28,27 +32,36 @@ def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[P
     """Stretches in which `before` (k, 13), what the nominal simulation leaves, is beyond the usual `scatter` (13,)."""
     places = []
     names = channel_names(drive)
-    blocks = int(rows.block[-1]) + 1
+    bins = (drive.recording.time_s[rows.at] / _BIN_S).astype(np.int64)
     v = np.mean(drive.wheels, axis=1)[rows.at]
     side = np.abs(np.nan_to_num(drive.measured[rows.at, 2]) * v)
     for c in range(len(CHANNELS)):
-        count = np.bincount(rows.block, rows.used[:, c], blocks)
-        power = np.bincount(rows.block, before[:, c] ** 2, blocks) / np.maximum(count, 1.0)
+        count = np.bincount(bins, rows.used[:, c])
+        power = np.bincount(bins, before[:, c] ** 2) / np.maximum(count, 1.0)
         excess = np.maximum(power - scatter[c] ** 2, 0.0) * (count > 0)
-        out = (power > _STANDS_OUT * scatter[c] ** 2) & (count > 20)
-        if not out.any():
-            continue
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], out.astype(int), [0])))).reshape(-1, 2)
-        for start, end in edges.tolist():
-            inside = (rows.block >= start) & (rows.block < end) & rows.used[:, c]
+        out = (power > _STANDS_OUT * scatter[c] ** 2) & (count > 0)
+        for start, end in _stretches(out):
+            inside = (bins >= start) & (bins < end) & rows.used[:, c]
             region = {
                 "speed_mps": (float(np.min(v[inside])), float(np.max(v[inside]))),
                 "abs_ay_mps2": (float(np.min(side[inside])), float(np.max(side[inside]))),
             }
             share = float(np.sum(excess[start:end]) / np.sum(excess))
             last_s = float(drive.recording.time_s[-1])
-            places.append(Place(names[c], start * BLOCK_S, min(end * BLOCK_S, last_s), share, region))
-    return sorted(places, key=lambda place: -place.share)
+            places.append(Place(names[c], start * _BIN_S, min(end * _BIN_S, last_s), share, region))
+    return sorted(places, key=lambda place: -place.share)[:_MOST_PLACES]
+
+
+def _stretches(out: Bools) -> list[tuple[int, int]]:
+    """First and last bin (exclusive) of each stretch that stands out, near ones as one."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], out.astype(np.int64), [0])))).reshape(-1, 2)
+    found: list[tuple[int, int]] = []
+    for start, end in edges.tolist():
+        if found and start - found[-1][1] <= _GAP:
+            found[-1] = (found[-1][0], end)
+        else:
+            found.append((start, end))
+    return [(start, end) for start, end in found if end - start >= _SHORTEST]
 
 
 def channel_names(drive: Drive) -> tuple[str, ...]:

@@ -247,8 +247,15 @@ class _Trial:
 
 
 def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
-    """The parameters with the moments in which a stretch begins and ends moved to where least is left."""
+    """The parameters with the moments in which a stretch begins and ends moved to where least is left.
+
+    Where nothing tells (the car goes straight), the shortest stretch is taken.
+    """
     x, least = fit.x.copy(), _loss(fit.left, rows, fit.scatter)
+
+    def loss_of(trial: Floats) -> float:
+        return _loss(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
+
     moments = [i for i, column in enumerate(drive.vocabulary.columns) if column in _MOMENTS]
     last_s = float(drive.recording.time_s[-1])
     for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
@@ -256,9 +263,15 @@ def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
             for sign in (-1.0, 1.0):
                 trial = x.copy()
                 trial[i] = min(max(trial[i] + sign * by_s, 0.0), last_s)
-                loss = _loss(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
+                loss = loss_of(trial)
                 if loss < least:
                     x, least = trial, loss
+    for i, inwards in zip(moments, (1.0, -1.0), strict=True):
+        for by_s in (4.0, 2.0, 1.0, 0.5, 0.2):
+            trial = x.copy()
+            trial[i] += inwards * by_s
+            if trial[moments[0]] < trial[moments[1]] and loss_of(trial) < least + 0.5:
+                x = trial
     return x
 
 

@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
@@ -76,6 +77,23 @@ def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
     assert best["low_friction.inverse_square"] ** -0.5 == pytest.approx(0.4, rel=0.05)
     assert best["low_friction.start_s"] == pytest.approx(20.0, abs=0.5)
     assert best["low_friction.end_s"] == pytest.approx(40.0, abs=0.5)
+
+
+def test_a_stretch_is_located_to_the_second() -> None:
+    """Two seconds are less than what is left of the low-pass at either end; near stretches are one."""
+
+    def bump(one: Drive) -> None:
+        one.measured[:, 5] += 0.2 * ((T > 15.0) & (T < 22.0)) + 0.2 * ((T > 24.0) & (T < 30.0)) + 0.2 * (T > 50.0)
+
+    one = drive({}, CITY_V, CITY_STEER, change=bump)
+    rows = rows_of(one)
+    left = residual(rows, predicted(one, nothing(), flat(N)))
+    places = [place for place in located(one, rows, left, np.full(13, 0.01)) if place.channel == "accel_z"]
+    assert [(place.start_s, place.end_s) for place in sorted(places, key=lambda place: place.start_s)] == [
+        (pytest.approx(15.0, abs=1.0), pytest.approx(30.0, abs=1.0)),
+        (pytest.approx(50.0, abs=1.0), pytest.approx(59.0, abs=1.0)),
+    ]
+    assert sum(place.share for place in places) == pytest.approx(1.0, abs=0.02)
 
 
 def test_wind_is_named_by_what_it_does_to_the_yaw_rate() -> None:
