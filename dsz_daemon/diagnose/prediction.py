@@ -87,12 +87,12 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: 
 
 
 def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:
-    """The drive held against the user's simulation: channels (n,) by name, SI; where it has none, the nominal's.
+    """The drive held against the user's simulation: channels (n,) by name, SI; no others are compared.
 
     What an effect does is the difference that it makes in the nominal simulation.
     """
     nominal = predicted(drive, nothing(drive.vocabulary), flat(len(drive.steer)))
-    theirs = np.zeros_like(nominal)
+    theirs = np.full_like(nominal, np.nan)
     for channel, values in simulated.items():
         c = CHANNELS.index(channel)
         theirs[:, c] = (filtered(values, _ALONG_KERNEL) if c == _ALONG else values) - nominal[:, c]

@@ -31,6 +31,8 @@ _A_PARAMETER = 3.0
 _EFFECT_FORM = 0.03
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.03
+# No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
+_OF_ITSELF = 0.02
 _TRIED = 7
 _MOMENTS = [("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s")]
 _UPRIGHT = 5
@@ -152,7 +154,8 @@ def fitted(
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in _MOMENTS]
     unseen = held_out(found, lasting, box) * scatter**2
     form = _form(drive, rows, x, effects, base)
-    return Fit(x, _spread(found, per_row, box), effects, left, scatter, per_row, found, columns, unseen, road, form)
+    std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
+    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form)
 
 
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
