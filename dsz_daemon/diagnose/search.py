@@ -246,7 +246,19 @@ class _Trial:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             moved = _with_best_moments(self.drive, self.rows, fit)
             fit = fitted(self.drive, self.rows, moved, effects, self.tolerance)
+        if _is_implausible(self.drive, fit, effect):
+            return Step(effect, -math.inf, fit)
         return Step(effect, gained(self.drive, self.best, fit), fit)
+
+
+def _is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
+    for i in drive.vocabulary.columns_of(effect):
+        parameter = drive.vocabulary.columns[i][1]
+        at_end = any(end != 0.0 and abs(fit.x[i] - end) < 1e-6 * abs(end) for end in (parameter.low, parameter.high))
+        if at_end and math.isfinite(parameter.least):
+            return True
+    return False
 
 
 def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
