@@ -12,10 +12,11 @@ from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import floors
 from dsz_daemon.diagnose.effects import STIFFNESS
+from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.locate import Place, channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, on_road, predicted
-from dsz_daemon.diagnose.search import Fit, Search, Step, values_of
+from dsz_daemon.diagnose.search import Search, Step, values_of
 from dsz_daemon.diagnose.unlisted import Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
+from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, sensitivities
+from dsz_daemon.diagnose.effects import GUESSED, NUISANCES, STIFFNESS
+from dsz_daemon.diagnose.evidence import gain, held_out, sums
+from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 
 Progress = Callable[[str], None]
 # `map`, or one that works side by side.
@@ -27,38 +28,17 @@ Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 LEAST_GAIN = 10.0
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
-# No effect of a real car is to the letter what the simulation makes of it.
-_EFFECT_FORM = 0.03
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.03
-# No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
-_OF_ITSELF = 0.02
 _TRIED = 7
-_MOMENTS = [("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s")]
-_UPRIGHT = 5
-_TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 _MOST_EFFECTS = 6
-_ROUNDS = 12
-
-
-class Fit(NamedTuple):
-    """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns."""
-
-    x: Floats
-    std: Floats
-    effects: tuple[str, ...]
-    left: Floats
-    scatter: Floats
-    per_row: Floats
-    sums: Sums
-    columns: tuple[int, ...]
-    unseen: Floats
-    road: Profiles
-    form: Floats
+# An effect that had to go may come back; not for ever.
+_MOST_STEPS = 12
+NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
 
 
 class Step(NamedTuple):
@@ -80,121 +60,6 @@ class Search(NamedTuple):
     gains: Mapping[str, float]
 
 
-def box_of(
-    parameters: Sequence[tuple[str, Parameter]], x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]
-) -> Box:
-    """How far the columns may go from x: the plausible, the tolerance for configured stiffnesses."""
-    low, high = [], []
-    for i in columns:
-        parameter = parameters[i][1]
-        most = tolerance.get(parameter.name) if i in NUISANCES else None
-        low.append((parameter.low if most is None else -most) - x[i])
-        high.append((parameter.high if most is None else most) - x[i])
-    # A prior as wide as what is plausible keeps what nothing was said of where it is.
-    width = np.array([parameters[i][1].high - parameters[i][1].low for i in columns])
-    return Box(np.array(low), np.array(high), 1.0 / width**2)
-
-
-def fitted(
-    drive: Drive,
-    rows: Rows,
-    start: Floats,
-    effects: tuple[str, ...],
-    tolerance: Mapping[str, float],
-) -> Fit:
-    """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
-    words = drive.vocabulary
-    first = [i for i in NUISANCES if "cornering_stiffness" not in effects or i not in _TOLERATED]
-    # A guessed effect's parameter that nothing was guessed of is not there.
-    columns = (
-        *first,
-        *(i for e in effects for i in words.columns_of(e) if e not in GUESSED or start[i] != 0.0),
-    )
-    floor = floors(drive)
-    x = start.copy()
-    if "cornering_stiffness" in effects:
-        # Beyond the tolerance it has one name, not two.
-        x[list(words.columns_of("cornering_stiffness"))] += x[list(_TOLERATED)]
-        x[list(_TOLERATED)] = 0.0
-    for profile in _OWN_CHANNEL:
-        x[list(words.columns_of(profile))] = 0.0
-    road = felt_road(drive, x, effects)
-    base = predicted(drive, x, road)
-    left = residual(rows, base)
-    scatter = robust_std(rows, left, floor)
-    for _ in range(_ROUNDS):
-        slopes = sensitivities(drive, rows, x, road, base, columns)
-        found = sums(rows, left, slopes, scatter)
-        box = box_of(words.columns, x, columns, tolerance)
-        step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
-        before = _loss(left, rows, scatter)
-        share = 1.0
-        while share > 0.05:
-            trial = x.copy()
-            trial[list(columns)] += share * step
-            trial_base = predicted(drive, trial, road)
-            trial_left = residual(rows, trial_base)
-            if _loss(trial_left, rows, scatter) < before:
-                break
-            share *= 0.4
-        else:
-            break
-        gone = before - _loss(trial_left, rows, scatter)
-        x, base, left = trial, trial_base, trial_left
-        new = robust_std(rows, left, floor)
-        settled = gone < 1e-3 * before + 0.5 and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
-        scatter = new
-        if settled:
-            break
-    slopes = sensitivities(drive, rows, x, road, base, columns)
-    found = sums(rows, left, slopes, scatter)
-    per_row = correlated_rows(left, rows.used)
-    box = box_of(words.columns, x, columns, tolerance)
-    # When a stretch begins and ends is told by the moments around, which some fold has not seen.
-    lasting = [place for place, i in enumerate(columns) if words.columns[i] not in _MOMENTS]
-    unseen = held_out(found, lasting, box) * scatter**2
-    form = _form(drive, rows, x, effects, base)
-    std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
-    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form)
-
-
-def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
-    """What the simulation's form may be off by (13,): its own, and a share of what the effects in it do."""
-    if not effects:
-        return rows.form
-    without = x.copy()
-    without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
-    change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
-    rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
-    found = np.hypot(rows.form, _EFFECT_FORM * rms)
-    if {"road_bank", "road_grade"} & set(effects):
-        # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
-        noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
-        found[_UPRIGHT] = math.hypot(found[_UPRIGHT], noise)
-    return np.asarray(found, dtype=np.float64)
-
-
-def _loss(left: Floats, rows: Rows, scatter: Floats) -> float:
-    """Half the sum of squares, beyond four deviations as for a distance."""
-    # A car that has become unstable is infinitely wrong, and that is all that counts.
-    z = np.nan_to_num(np.minimum(np.abs(left / scatter), 1e9), nan=1e9)
-    return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
-
-
-def _spread(found: Sums, per_row: Floats, box: Box) -> Floats:
-    """Standard deviations by the sandwich over blocks, no less than autocorrelation allows."""
-    bread = np.linalg.inv(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
-    n = np.maximum(found.counts.sum(axis=0), 1.0)
-    power = found.left.sum(axis=0) / n
-    meat = np.einsum("bcij,c->ij", found.squares, power * per_row)
-    block = found.cross.sum(axis=1)
-    meat_blocks = block.T @ block
-    one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
-    prior = bread @ np.diag(box.weight) @ bread
-    variance = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
-
-
 def searched(
     drive: Drive,
     rows: Rows,
@@ -209,7 +74,9 @@ def searched(
     nominal = fitted(drive, rows, nothing(drive.vocabulary), (), by_stiffness)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
-    while len(best.effects) < _MOST_EFFECTS:
+    for _ in range(_MOST_STEPS):
+        if len(best.effects) == _MOST_EFFECTS:
+            break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         fit_one, starts = _Trial(drive, rows, best, by_stiffness), _starts(drive, rows, best, by_stiffness)
         tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
@@ -219,12 +86,13 @@ def searched(
         best = tried[0].fit
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, by_stiffness, gains)
-    return Search(drive, rows, nominal, best, {e: rivals[e] for e in best.effects}, {e: gains[e] for e in best.effects})
+        gains = {effect: gains[effect] for effect in best.effects}
+    return Search(drive, rows, nominal, best, {effect: rivals[effect] for effect in best.effects}, gains)
 
 
 def _starts(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[tuple[str, Floats]]:
     """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
-    roads = [name for name in _OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
+    roads = [name for name in OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
     starts = [(effect, best.x) for effect in (*_screened(drive, rows, best, tolerance)[:_TRIED], *roads)]
     return [*starts, *(guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects)]
 
@@ -266,26 +134,26 @@ def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
 
     Where nothing tells (the car goes straight), the shortest stretch is taken.
     """
-    x, least = fit.x.copy(), _loss(fit.left, rows, fit.scatter)
+    x, least = fit.x.copy(), loss_of(fit.left, rows, fit.scatter)
 
-    def loss_of(trial: Floats) -> float:
-        return _loss(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
+    def left_by(trial: Floats) -> float:
+        return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
 
-    moments = [i for i, column in enumerate(drive.vocabulary.columns) if column in _MOMENTS]
+    moments = [i for i, column in enumerate(drive.vocabulary.columns) if column in MOMENTS]
     last_s = float(drive.recording.time_s[-1])
     for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
         for i in moments:
             for sign in (-1.0, 1.0):
                 trial = x.copy()
                 trial[i] = min(max(trial[i] + sign * by_s, 0.0), last_s)
-                loss = loss_of(trial)
+                loss = left_by(trial)
                 if loss < least:
                     x, least = trial, loss
     for i, inwards in zip(moments, (1.0, -1.0), strict=True):
         for by_s in (4.0, 2.0, 1.0, 0.5, 0.2):
             trial = x.copy()
             trial[i] += inwards * by_s
-            if trial[moments[0]] < trial[moments[1]] and loss_of(trial) < least + 0.5:
+            if trial[moments[0]] < trial[moments[1]] and left_by(trial) < least + 0.5:
                 x = trial
     return x
 
@@ -305,24 +173,20 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > _RIVALS * leader.gain else step.gain
-        return (0.8 if step.effect in _OWN_CHANNEL else 1.0) * alike
+        return (0.8 if step.effect in OWN_CHANNEL else 1.0) * alike
 
     return sorted(tried, key=rank, reverse=True)
 
 
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
 # since whatever is wrong about the lateral motion shows in the wheels as it does in the acceleration.
-_OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
-NEVER_SCREENED = (*_OWN_CHANNEL, *GUESSED)
-
-
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [4, 6, 7, 8]}
 # So much more than noise and form has to be left of the lateral acceleration for wind to be thought of.
 _FELT = 1.5
 
 
 def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
-    c = _OWN_CHANNEL[effect]
+    c = OWN_CHANNEL[effect]
     used = rows.used[:, c]
     if effect != "side_wind" or not used.any():
         return bool(used.any())
@@ -341,7 +205,7 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         count[:, _NO_JUDGES.get(effect, [])] = 0.0
         if effect in {"road_bank", "road_grade"}:
             # With the profile comes its gyro's noise.
-            form[_UPRIGHT] = max(form[_UPRIGHT], larger.form[_UPRIGHT])
+            form[UPRIGHT] = max(form[UPRIGHT], larger.form[UPRIGHT])
     parameters = drive.vocabulary.columns
     moved = [
         i

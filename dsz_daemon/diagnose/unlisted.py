@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, floors
+from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.search import LEAST_GAIN, Fit
+from dsz_daemon.diagnose.search import LEAST_GAIN
 from dsz_daemon.signals import IMU_CHANNELS
 
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.

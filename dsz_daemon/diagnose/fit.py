@@ -1,0 +1,157 @@
+"""One model fitted to one drive: offsets, stiffnesses in their box, the parameters of the effects that are in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
+from dsz_daemon.diagnose.effects import BUILT_IN, GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
+from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, predicted
+
+# The channel that a profile is taken from.
+OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
+UPRIGHT = 5
+# When a slippery stretch begins and ends.
+MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
+# No effect of a real car is to the letter what the simulation makes of it.
+_EFFECT_FORM = 0.03
+# No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
+_OF_ITSELF = 0.02
+_TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
+_ROUNDS = 12
+
+
+class Fit(NamedTuple):
+    """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns."""
+
+    x: Floats
+    std: Floats
+    effects: tuple[str, ...]
+    left: Floats
+    scatter: Floats
+    per_row: Floats
+    sums: Sums
+    columns: tuple[int, ...]
+    unseen: Floats
+    road: Profiles
+    form: Floats
+
+
+def box_of(
+    parameters: Sequence[tuple[str, Parameter]], x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]
+) -> Box:
+    """How far the columns may go from x: the plausible, the tolerance for configured stiffnesses."""
+    low, high = [], []
+    for i in columns:
+        parameter = parameters[i][1]
+        most = tolerance.get(parameter.name) if i in NUISANCES else None
+        low.append((parameter.low if most is None else -most) - x[i])
+        high.append((parameter.high if most is None else most) - x[i])
+    # A prior as wide as what is plausible keeps what nothing was said of where it is.
+    width = np.array([parameters[i][1].high - parameters[i][1].low for i in columns])
+    return Box(np.array(low), np.array(high), 1.0 / width**2)
+
+
+def fitted(
+    drive: Drive,
+    rows: Rows,
+    start: Floats,
+    effects: tuple[str, ...],
+    tolerance: Mapping[str, float],
+) -> Fit:
+    """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
+    words = drive.vocabulary
+    first = [i for i in NUISANCES if "cornering_stiffness" not in effects or i not in _TOLERATED]
+    # A guessed effect's parameter that nothing was guessed of is not there.
+    columns = (
+        *first,
+        *(i for e in effects for i in words.columns_of(e) if e not in GUESSED or start[i] != 0.0),
+    )
+    floor = floors(drive)
+    x = start.copy()
+    if "cornering_stiffness" in effects:
+        # Beyond the tolerance it has one name, not two.
+        x[list(words.columns_of("cornering_stiffness"))] += x[list(_TOLERATED)]
+        x[list(_TOLERATED)] = 0.0
+    for profile in OWN_CHANNEL:
+        x[list(words.columns_of(profile))] = 0.0
+    road = felt_road(drive, x, effects)
+    base = predicted(drive, x, road)
+    left = residual(rows, base)
+    scatter = robust_std(rows, left, floor)
+    for _ in range(_ROUNDS):
+        slopes = sensitivities(drive, rows, x, road, base, columns)
+        found = sums(rows, left, slopes, scatter)
+        box = box_of(words.columns, x, columns, tolerance)
+        step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
+        before = loss_of(left, rows, scatter)
+        share = 1.0
+        while share > 0.05:
+            trial = x.copy()
+            trial[list(columns)] += share * step
+            trial_base = predicted(drive, trial, road)
+            trial_left = residual(rows, trial_base)
+            if loss_of(trial_left, rows, scatter) < before:
+                break
+            share *= 0.4
+        else:
+            break
+        gone = before - loss_of(trial_left, rows, scatter)
+        x, base, left = trial, trial_base, trial_left
+        new = robust_std(rows, left, floor)
+        settled = gone < 1e-3 * before + 0.5 and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
+        scatter = new
+        if settled:
+            break
+    slopes = sensitivities(drive, rows, x, road, base, columns)
+    found = sums(rows, left, slopes, scatter)
+    per_row = correlated_rows(left, rows.used)
+    box = box_of(words.columns, x, columns, tolerance)
+    # When a stretch begins and ends is told by the moments around, which some fold has not seen.
+    lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS]
+    unseen = held_out(found, lasting, box) * scatter**2
+    form = _form(drive, rows, x, effects, base)
+    std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
+    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form)
+
+
+def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
+    """What the simulation's form may be off by (13,): its own, and a share of what the effects in it do."""
+    if not effects:
+        return rows.form
+    without = x.copy()
+    without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
+    change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
+    rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
+    found = np.hypot(rows.form, _EFFECT_FORM * rms)
+    if {"road_bank", "road_grade"} & set(effects):
+        # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
+        noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
+        found[UPRIGHT] = math.hypot(found[UPRIGHT], noise)
+    return np.asarray(found, dtype=np.float64)
+
+
+def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
+    """Half the sum of squares, beyond four deviations as for a distance."""
+    # A car that has become unstable is infinitely wrong, and that is all that counts.
+    z = np.nan_to_num(np.minimum(np.abs(left / scatter), 1e9), nan=1e9)
+    return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
+
+
+def _spread(found: Sums, per_row: Floats, box: Box) -> Floats:
+    """Standard deviations by the sandwich over blocks, no less than autocorrelation allows."""
+    bread = np.linalg.inv(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
+    n = np.maximum(found.counts.sum(axis=0), 1.0)
+    power = found.left.sum(axis=0) / n
+    meat = np.einsum("bcij,c->ij", found.squares, power * per_row)
+    block = found.cross.sum(axis=1)
+    meat_blocks = block.T @ block
+    one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
+    prior = bread @ np.diag(box.weight) @ bread
+    variance = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
