@@ -196,15 +196,13 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     steer = earlier(steer, at("steering_delay.delay_s")) + at("steering_offset.offset_rad")
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
-    v = earlier(drive.wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
-    if drive.front_gives_speed:
-        v = v / np.cos(steer)
+    rolled_mps = earlier(drive.wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
+    v = rolled_mps * _of_the_front(car, steer, rolled_mps) if drive.front_gives_speed else rolled_mps
     slips = np.zeros((len(v), 4))
     if at("wheel_slip.slip_per_force") != 0.0:
         pull_mps2 = np.gradient(v, DT_S) + G * road.grade_rad
         slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
         v = v / (1.0 + slips[:, own.start])
-    v_rate = np.gradient(v, DT_S)
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf, lr = car.cg_to_front_axle_m - shift, car.cg_to_rear_axle_m + shift
     front = at("front_cornering_stiffness") + at("cornering_stiffness.front_scale")
@@ -231,8 +229,28 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("parallel_steer"),
         car.front_track_m,
     )
+    v_rate = np.gradient(v, DT_S)
     m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
+    if drive.front_gives_speed:
+        # Now that the front axle's own way sideways is known.
+        delta, across = m[:, motion.DELTA], m[:, motion.VY] + lf * m[:, motion.R]
+        v = (rolled_mps / (1.0 + slips[:, 0]) - across * np.sin(delta)) / np.cos(delta)
+        v_rate = np.gradient(v, DT_S)
+        m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
     return Moving(m, v, v_rate, slips, radii, lf, road)
+
+
+def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
+    """The car's speed over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
+
+    The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta.
+    """
+    wheelbase = car.wheelbase_m
+    front_alpha = 0.5 * car.mass_kg * car.cg_to_rear_axle_m / wheelbase / car.front_cornering_stiffness_n_per_rad
+    rear_alpha = 0.5 * car.mass_kg * car.cg_to_front_axle_m / wheelbase / car.rear_cornering_stiffness_n_per_rad
+    r = front_mps * steer / (wheelbase + (front_alpha - rear_alpha) * front_mps**2)
+    alpha = front_alpha * front_mps * r
+    return np.asarray(np.cos(steer - alpha) / np.cos(alpha), dtype=np.float64)
 
 
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:

@@ -44,6 +44,27 @@ def test_a_standing_car_reads_gravity_alone() -> None:
     np.testing.assert_allclose(shown(STANDING)[1500], [0, 0, 0, 0, 0, G, *[0] * 7], atol=1e-12)
 
 
+def test_front_wheels_tell_the_speed_of_a_rear_driven_car() -> None:
+    """They roll v / cos(delta) but for slip; a drive is the same, whichever axle gives the speed."""
+    rear = TUCSON._replace(front_driven=False, rear_driven=True)
+    steer = 0.3 * np.sin(2.0 * np.pi * T / 10.0)
+    slow = np.tile(np.full(N, 3.0)[:, np.newaxis], (1, 4))
+    there = shown(drive_of(Recording(T, np.full(N, 0.5), slow, np.zeros((N, 6)), np.ones(10)), rear, RATIO))
+    assert there[2900, CHANNELS.index("reference_vx_mps")] == pytest.approx(3.0 * np.cos(0.5), rel=0.01)
+    front = drive(7.0 + 2.0 * np.sin(T), steer)
+    expected = shown(front)
+    half = 0.5 * expected[:, CHANNELS.index("wheel_difference")]
+    wheels = np.column_stack(
+        [expected[:, 6], expected[:, 7], 7.0 + 2.0 * np.sin(T) - half, 7.0 + 2.0 * np.sin(T) + half]
+    )
+    other = shown(drive_of(Recording(T, steer, wheels, np.zeros((N, 6)), np.ones(10)), rear, RATIO))
+    np.testing.assert_allclose(other[50:-50, 9], expected[50:-50, 9], atol=2e-3)
+    np.testing.assert_allclose(other[50:-50, 2], expected[50:-50, 2], atol=5e-4)
+    np.testing.assert_allclose(
+        other[50:-50, 6:9], np.column_stack([wheels[:, 2:4], wheels[:, 1] - wheels[:, 0]])[50:-50], atol=3e-3
+    )
+
+
 def test_a_turned_imu_reads_as_the_contract_has_it() -> None:
     """reading_x = fx + yaw fy - pitch fz, reading_y = fy - yaw fx + roll fz, reading_z = fz + pitch fx - roll fy."""
     row = shown(

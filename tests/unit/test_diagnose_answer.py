@@ -1,0 +1,98 @@
+"""What is said of a search: verdict, probabilities, aliases, and the numbers as the contract has them."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsz_daemon.diagnose import answer
+from dsz_daemon.diagnose.search import Step
+
+
+def found(rivals: dict[str, dict[str, float]], effects: tuple[str, ...]) -> Any:
+    """A search that has tried these effects with these gains."""
+    steps = {name: tuple(Step(n, g, SimpleNamespace()) for n, g in tried.items()) for name, tried in rivals.items()}
+    return SimpleNamespace(rivals=steps, best=SimpleNamespace(effects=effects))
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "verdict"),
+    [
+        (False, False, "consistent"),
+        (True, False, "explained"),
+        (True, True, "partly_explained"),
+        (False, True, "unexplained"),
+    ],
+)
+def test_the_verdict_comes_from_causes_and_from_what_is_left(explained: bool, left: bool, verdict: str) -> None:
+    assert answer._verdict(explained, left) == verdict
+
+
+def test_what_comes_near_is_in_the_group_and_what_does_not_shares_the_odds() -> None:
+    tried = {"imu_delay": 40.0, "sensor_bandwidth": 38.0, "tyre_relaxation": 36.0, "gyro_scale": -5.0}
+    group, others = answer._alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")
+    assert group == ["sensor_bandwidth"]
+    total = 1.0 + math.exp(-2.0) + math.exp(-4.0)
+    odds = {str(one["effect"]): one["probability"] for one in others}
+    assert odds == {
+        "sensor_bandwidth": pytest.approx(math.exp(-2.0) / total),
+        "tyre_relaxation": pytest.approx(math.exp(-4.0) / total),
+    }
+
+
+def test_of_a_large_gain_a_share_is_near() -> None:
+    tried = {"imu_delay": 1000.0, "sensor_bandwidth": 985.0}
+    assert answer._alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")[0] == ["sensor_bandwidth"]
+
+
+def test_what_is_in_the_model_is_no_alternative() -> None:
+    tried = {"imu_delay": 40.0, "gyro_scale": 39.0}
+    assert answer._alternatives(found({"imu_delay": tried}, ("imu_delay", "gyro_scale")), "imu_delay") == ([], [])
+
+
+@pytest.mark.parametrize("effect", sorted(answer.SAME_TURN))
+def test_what_turns_the_car_alike_names_each_other(effect: str) -> None:
+    group, _ = answer._alternatives(found({effect: {effect: 100.0}}, (effect,)), effect)
+    assert set(group) == {"mass_loading", "cornering_stiffness", "steering_compliance"} - {effect}
+
+
+def test_friction_is_told_of_its_inverse_square() -> None:
+    told, units = answer._as_told("tyre_saturation", {"inverse_square": (4.0, 0.4)}, {})
+    assert told == {"friction_coefficient": (pytest.approx(0.5), pytest.approx(0.025))}
+    assert units["friction_coefficient"] == "1"
+
+
+def test_a_bandwidth_is_told_in_hertz_too() -> None:
+    told, _ = answer._as_told("sensor_bandwidth", {"time_constant_s": (1.0 / (2.0 * math.pi * 5.0), 0.001)}, {})
+    assert told["cutoff_hz"][0] == pytest.approx(5.0)
+
+
+def test_ratios_are_told_as_true_over_configured() -> None:
+    told, _ = answer._as_told("steering_ratio", {"scale": (0.05, 0.01), "per_rad": (0.02, 0.01)}, {})
+    assert told == {"scale": (pytest.approx(1.05), 0.01), "per_rad": (0.02, 0.01)}
+
+
+def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares = {"front_cornering_stiffness": (-0.08, 0.01), "rear_cornering_stiffness": (0.06, 0.03)}
+    monkeypatch.setattr(answer.searching, "stiffness_gain", lambda _: 100.0)
+    monkeypatch.setattr(answer, "values_of", lambda *_: shares)
+    car = SimpleNamespace(front_cornering_stiffness_n_per_rad=50_000.0, rear_cornering_stiffness_n_per_rad=60_000.0)
+    search: Any = SimpleNamespace(drive=SimpleNamespace(car=car), best=SimpleNamespace(effects=()), gains={})
+    [error] = answer._parameter_errors(search)
+    assert error.parameter == "front_cornering_stiffness_n_per_rad"
+    assert (error.configured, error.fitted, error.std) == pytest.approx((50_000.0, 46_000.0, 500.0))
+
+
+def test_the_level_is_what_is_left_over_noise_and_coarseness(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts, left = np.zeros((2, 13)), np.zeros((2, 13))
+    counts[:, 3], left[:, 3] = 50.0, 200.0  # twice the scatter of 0.1: 0.2
+    monkeypatch.setattr(answer, "floors", lambda _: np.full(13, 0.03))
+    fit = SimpleNamespace(
+        sums=SimpleNamespace(counts=counts, left=left), scatter=np.full(13, 0.1), form=np.full(13, 0.04)
+    )
+    search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
+    assert answer._level(search) == {"accel_x": pytest.approx(0.2 / 0.05)}
