@@ -8,14 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import floors
-from dsz_daemon.diagnose.effects import STIFFNESS
+from dsz_daemon.diagnose.effects import INDEX, TOLERATED
 from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.flexible import flexible_rms
+from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.locate import Place, channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.prediction import CHANNELS, Floats, on_road, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Floats, driven, on_road, predicted
 from dsz_daemon.diagnose.search import Search, Step, values_of
 from dsz_daemon.diagnose.unlisted import Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
@@ -24,7 +27,7 @@ from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 _ALIKE, _ALIKE_SHARE = 3.0, 0.02
 # No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
-_STIFFNESS_SPREADS, _LEAST_STIFFNESS = 3.0, 0.03
+_TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
 _STIFFNESS_SHARE = 0.05
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
@@ -78,11 +81,15 @@ class Sides(NamedTuple):
 
 
 class ChannelFit(NamedTuple):
-    """How well one channel fits, on rows that the fit has seen and on those that it has not."""
+    """How well one channel fits, on rows that the fit has seen and on those that it has not.
+
+    `flexible`: what a model that fits nearly anything would leave on unseen rows (see `flexible.py`); None without it.
+    """
 
     train: Sides
     held_out: Sides
     noise_floor: float
+    flexible: float | None
     unit: str
 
 
@@ -112,7 +119,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
     said = causes or errors or shapes or unexplained
     return Diagnosis(
         _verdict(bool(causes), bool(shapes or unexplained)),
-        located(found.drive, found.rows, found.nominal.left, _usual(found)) if said else [],
+        located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if said else [],
         causes,
         errors,
         shapes,
@@ -206,11 +213,26 @@ def _values(found: Search, effect: str) -> dict[str, tuple[float, float | None]]
         "side_wind": ("rms_n", profiles.side_n),
     }.get(effect)
     values: dict[str, tuple[float, float | None]] = dict(values_of(found.drive, found.best, effect))
+    if "inverse_square" in values:
+        square, std = values["inverse_square"]
+        mean, spread = over_shapes(*_front_share(found, effect))
+        square /= mean * mean
+        values["inverse_square"] = (square, math.hypot((std or 0.0) / mean**2, 2.0 * square * spread / mean))
     if profile is None:
         return values
     driven = np.unique(found.rows.at[found.rows.used.any(axis=1)])
     name, course = profile
     return {name: (float(np.sqrt(np.mean(course[driven] ** 2))), None)}
+
+
+def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
+    """The front axle's lateral force over its limit (k,) wherever grip ends, and how sharply the fit bends it."""
+    drive, best = found.drive, found.best
+    moving, car = driven(drive, best.x, best.road), drive.car
+    grip = moving.road.grip[found.rows.at]
+    load_n = car.mass_kg * motion.G * car.cg_to_rear_axle_m / car.wheelbase_m
+    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / load_n
+    return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
 
 
 def _as_told(
@@ -254,18 +276,23 @@ def _alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str,
 
 
 def _parameter_errors(found: Search) -> list[ParameterError]:
-    """Configured stiffnesses that fit better otherwise: by more than their spread, and on unseen data."""
+    """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = "cornering_stiffness" in found.best.effects
     least = max(searching.LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
-    if not beyond and searching.stiffness_gain(found) < least:
+    if not beyond and searching.tolerance_gain(found) < least:
         return []
-    values = values_of(found.drive, found.best, "cornering_stiffness" if beyond else "")
+    values = values_of(found.drive, found.best, "")
+    if beyond:
+        far = values_of(found.drive, found.best, "cornering_stiffness")
+        values |= {f"{axle}_cornering_stiffness_n_per_rad": far[f"{axle}_scale"] for axle in ("front", "rear")}
     errors = []
-    for parameter in STIFFNESS:
-        share, std = values[f"{parameter.name.split('_')[0]}_scale" if beyond else parameter.name]
-        if abs(share) > max(_STIFFNESS_SPREADS * std, _LEAST_STIFFNESS):
-            key = f"{parameter.name}_n_per_rad"
-            configured = float(getattr(found.drive.car, key))
+    for parameter in TOLERATED:
+        key = parameter.name
+        share, std = values.get(key, (0.0, 0.0))
+        least = _LEAST_STIFFNESS if "stiffness" in key else _LEAST_TOLERATED
+        if abs(share) > max(_TOLERATED_SPREADS * std, least):
+            car, ratio = found.drive.car, found.drive.steering_ratio
+            configured = ratio if key == "steering_ratio" else float(getattr(car, key))
             errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
     return errors
 
@@ -281,7 +308,7 @@ def _level(found: Search) -> dict[str, float]:
 
 def _fit(found: Search) -> dict[str, ChannelFit]:
     """RMS per channel: nominal with offsets and stiffnesses, and with the causes; on seen and on unseen blocks."""
-    floor = floors(found.drive)
+    floor, least = floors(found.drive), flexible_rms(found.drive, found.rows, found.best.left)
 
     def rms(fit: Fit, unseen: bool) -> Floats:
         n = np.maximum(fit.sums.counts.sum(axis=0), 1.0)
@@ -294,6 +321,7 @@ def _fit(found: Search) -> dict[str, ChannelFit]:
             Sides(float(seen[0][c]), float(seen[1][c])),
             Sides(float(unseen[0][c]), float(unseen[1][c])),
             float(floor[c]),
+            float(least[c]) if math.isfinite(least[c]) else None,
             _unit(channel),
         )
         for c, channel in enumerate(channel_names(found.drive))

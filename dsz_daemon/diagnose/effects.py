@@ -321,17 +321,23 @@ ROAD = tuple(
     )
 )
 
-# Refitted before any effect is thought of: constant offsets, and the configured stiffnesses within their tolerance.
+# Refitted before any effect is thought of: constant offsets, and configured parameters within their tolerance (shares).
 OFFSETS = (
     *_even("offset_gyro_x offset_gyro_y offset_gyro_z", "rad/s", 0.01, 0.5),
     *_even("offset_accel_x offset_accel_y offset_accel_z", "m/s2", 0.1, 5.0),
 )
-STIFFNESS = _even("front_cornering_stiffness rear_cornering_stiffness", "1", 0.05, 0.1)
+TOLERATED = (
+    *_even("front_cornering_stiffness_n_per_rad rear_cornering_stiffness_n_per_rad", "1", 0.05, 1.0),
+    *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
+    *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
+)
 # How much of the driving and braking force turns with the front wheels, and how parallel these steer: cars are drawn
-# with it and without, with two wheels or four.
+# with it and without, with two wheels or four. And by how few milliseconds the steering comes early or late:
+# simulations hold their inputs for a step, and messages wait for each other.
 FORM = (
     Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
+    Parameter("steering_skew_s", "s", 0.002, -0.003, 0.003, math.inf),
 )
 
 
@@ -367,14 +373,14 @@ def vocabulary(own: tuple[Effect, ...] = ()) -> Vocabulary:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ValueError(f"effects {', '.join(twice)} are there twice; expected names of their own")
-    first = tuple(("", parameter) for parameter in (*OFFSETS, *STIFFNESS, *FORM))
+    first = tuple(("", parameter) for parameter in (*OFFSETS, *TOLERATED, *FORM))
     return Vocabulary(effects, (*first, *((e.name, parameter) for e in effects for parameter in e.parameters)))
 
 
 BUILT_IN = vocabulary()
 COLUMNS = BUILT_IN.columns
 INDEX = {(f"{effect}." if effect else "") + parameter.name: i for i, (effect, parameter) in enumerate(COLUMNS)}
-NUISANCES = tuple(range(len(OFFSETS) + len(STIFFNESS) + len(FORM)))
+NUISANCES = tuple(range(len(OFFSETS) + len(TOLERATED) + len(FORM)))
 
 
 def columns_of(effect: str) -> tuple[int, ...]:

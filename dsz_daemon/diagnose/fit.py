@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, GUESSED, NUISANCES, OFFSETS, STIFFNESS, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, GUESSED, NUISANCES, OFFSETS, TOLERATED, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, predicted
 
@@ -22,7 +22,8 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 _EFFECT_FORM = 0.03
 # No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
 _OF_ITSELF = 0.02
-_TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(STIFFNESS)))
+_TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
+_STIFFNESS = _TOLERATED[:2]
 _ROUNDS = 12
 
 
@@ -42,6 +43,11 @@ class Fit(NamedTuple):
     form: Floats
 
 
+def nuisances(tolerance: Mapping[str, float]) -> tuple[int, ...]:
+    """What is refitted first: all that has some room."""
+    return tuple(i for i in NUISANCES if i not in _TOLERATED or tolerance.get(COLUMNS[i][1].name, 0.0) > 0.0)
+
+
 def box_of(
     parameters: Sequence[tuple[str, Parameter]], x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]
 ) -> Box:
@@ -49,7 +55,7 @@ def box_of(
     low, high = [], []
     for i in columns:
         parameter = parameters[i][1]
-        most = tolerance.get(parameter.name) if i in NUISANCES else None
+        most = tolerance.get(parameter.name, 0.0) if i in _TOLERATED else None
         low.append((parameter.low if most is None else -most) - x[i])
         high.append((parameter.high if most is None else most) - x[i])
     # A prior as wide as what is plausible keeps what nothing was said of where it is.
@@ -66,7 +72,8 @@ def fitted(
 ) -> Fit:
     """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
     words = drive.vocabulary
-    first = [i for i in NUISANCES if "cornering_stiffness" not in effects or i not in _TOLERATED]
+    hidden = _STIFFNESS if "cornering_stiffness" in effects else ()
+    first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there.
     columns = (
         *first,
@@ -76,8 +83,8 @@ def fitted(
     x = start.copy()
     if "cornering_stiffness" in effects:
         # Beyond the tolerance it has one name, not two.
-        x[list(words.columns_of("cornering_stiffness"))] += x[list(_TOLERATED)]
-        x[list(_TOLERATED)] = 0.0
+        x[list(words.columns_of("cornering_stiffness"))] += x[list(_STIFFNESS)]
+        x[list(_STIFFNESS)] = 0.0
     for profile in OWN_CHANNEL:
         x[list(words.columns_of(profile))] = 0.0
     road = felt_road(drive, x, effects)

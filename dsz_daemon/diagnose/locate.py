@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from dsz_daemon.diagnose.comparison import Bools, Rows
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.signals import WHEEL_SPEEDS
 
-# A second stands out if its mean square is this many times what is usual where nothing is left out.
+# A second stands out if its mean square is this many times what is usual where nothing is left out, and if that is no
+# chance: of all seconds that are said to stand out, in all channels, so many may by chance (Benjamini, Hochberg 1995).
 _STANDS_OUT = 3.0
+_FALSE = 0.01
 _BIN_S = 1.0
 # Between two stretches so near (bins) all is one; one so short is none.
 _GAP, _SHORTEST = 4, 2
@@ -28,18 +31,24 @@ class Place(NamedTuple):
     region: dict[str, tuple[float, float]]
 
 
-def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[Place]:
-    """Stretches in which `before` (k, 13), what the nominal simulation leaves, is beyond the usual `scatter` (13,)."""
+def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats, per_row: Floats) -> list[Place]:
+    """Stretches in which `before` (k, 13), what the nominal simulation leaves, is beyond the usual `scatter` (13,).
+
+    `per_row` (13,): how many rows count as one, where all is explained.
+    """
     places = []
     names = channel_names(drive)
     bins = (drive.recording.time_s[rows.at] / _BIN_S).astype(np.int64)
     v = np.mean(drive.wheels, axis=1)[rows.at]
     side = np.abs(np.nan_to_num(drive.measured[rows.at, 2]) * v)
+    count = np.column_stack([np.bincount(bins, rows.used[:, c]) for c in range(len(CHANNELS))])
+    total = np.column_stack([np.bincount(bins, before[:, c] ** 2) for c in range(len(CHANNELS))])
+    powers = total / np.maximum(count, 1.0)
+    no_chance = _is_no_chance(powers / scatter**2, count / per_row, count > 0)
     for c in range(len(CHANNELS)):
-        count = np.bincount(bins, rows.used[:, c])
-        power = np.bincount(bins, before[:, c] ** 2) / np.maximum(count, 1.0)
-        excess = np.maximum(power - scatter[c] ** 2, 0.0) * (count > 0)
-        out = (power > _STANDS_OUT * scatter[c] ** 2) & (count > 0)
+        power = powers[:, c]
+        excess = np.maximum(power - scatter[c] ** 2, 0.0) * (count[:, c] > 0)
+        out = (power > _STANDS_OUT * scatter[c] ** 2) & no_chance[:, c]
         for start, end in _stretches(out):
             inside = (bins >= start) & (bins < end) & rows.used[:, c]
             region = {
@@ -50,6 +59,18 @@ def located(drive: Drive, rows: Rows, before: Floats, scatter: Floats) -> list[P
             last_s = float(drive.recording.time_s[-1])
             places.append(Place(names[c], start * _BIN_S, min(end * _BIN_S, last_s), share, region))
     return sorted(places, key=lambda place: -place.share)[:_MOST_PLACES]
+
+
+def _is_no_chance(ratio: Floats, independent: Floats, known: Bools) -> Bools:
+    """Which mean squares, over what is usual, of so many independent rows are too large for chance."""
+    found = np.zeros(ratio.shape, dtype=np.bool_)
+    rows = np.maximum(independent[known], 1.0)
+    by_chance = chdtrc(rows, ratio[known] * rows)
+    ranked = np.sort(by_chance)
+    below = np.flatnonzero(ranked <= _FALSE * np.arange(1, len(ranked) + 1) / max(len(ranked), 1))
+    if len(below):
+        found[known] = by_chance <= ranked[below[-1]]
+    return found
 
 
 def _stretches(out: Bools) -> list[tuple[int, int]]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, floors, rows_of, sensitivities
-from dsz_daemon.diagnose.effects import NUISANCES
+from dsz_daemon.diagnose.fit import nuisances
 from dsz_daemon.diagnose.prediction import Drive, Floats, drive_of, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 
@@ -20,6 +20,8 @@ _LASTS_S = 40.0
 # What a recording has to tell, in log likelihood, and how many rows tell as much as one (those of the low-pass).
 _LEAST, _PER_ROW = 10.0, 5.0
 _LIMIT_MPS2 = 6.0
+# What may be a little off in any car: stiffnesses.
+_TOLERANCE = {"front_cornering_stiffness_n_per_rad": 0.1, "rear_cornering_stiffness_n_per_rad": 0.1}
 
 
 class Manoeuvre(NamedTuple):
@@ -124,7 +126,7 @@ def _tells(drive: Drive, x: Floats, effect: str, others: Sequence[str]) -> float
     there[mine] = x[mine]
     base = predicted(drive, start, flat(len(drive.steer)))
     signature = np.where(rows.used, (predicted(drive, there, flat(len(drive.steer))) - base)[rows.at], 0.0)
-    columns = [*NUISANCES, *(i for other in others for i in words.columns_of(other))]
+    columns = [*nuisances(_TOLERANCE), *(i for other in others for i in words.columns_of(other))]
     slopes = sensitivities(drive, rows, start, flat(len(drive.steer)), base, columns)
     return _left_over(drive, rows, signature, slopes)
 

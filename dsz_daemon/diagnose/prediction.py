@@ -165,7 +165,10 @@ def _integrated(p: Floats, q: Floats, r: Floats, banks: bool, climbs: bool) -> t
 
 
 class Moving(NamedTuple):
-    """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road."""
+    """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
+
+    `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
+    """
 
     moved: Floats
     v_mps: Floats
@@ -173,6 +176,8 @@ class Moving(NamedTuple):
     slips: Floats
     radii: Floats
     cg_to_front_axle_m: float
+    imu_ahead_m: float
+    tracks_m: tuple[float, float]
     road: Profiles
 
 
@@ -193,7 +198,8 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
         hand = np.abs(steer) * drive.steering_ratio
         steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
-    steer = earlier(steer, at("steering_delay.delay_s")) + at("steering_offset.offset_rad")
+    late_s = at("steering_delay.delay_s") + at("steering_skew_s")
+    steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
     rolled_mps = earlier(drive.wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
@@ -204,12 +210,14 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
         v = v / (1.0 + slips[:, own.start])
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
-    lf, lr = car.cg_to_front_axle_m - shift, car.cg_to_rear_axle_m + shift
-    front = at("front_cornering_stiffness") + at("cornering_stiffness.front_scale")
-    rear = at("rear_cornering_stiffness") + at("cornering_stiffness.rear_scale")
+    lf = car.cg_to_front_axle_m * (1.0 + at("cg_to_front_axle_m")) - shift
+    lr = car.cg_to_rear_axle_m * (1.0 + at("cg_to_rear_axle_m")) + shift
+    front = at("front_cornering_stiffness_n_per_rad") + at("cornering_stiffness.front_scale")
+    rear = at("rear_cornering_stiffness_n_per_rad") + at("cornering_stiffness.rear_scale")
+    front_track_m = car.front_track_m * (1.0 + at("front_track_m"))
     model = CarModel(
-        car.mass_kg + added,
-        car.yaw_inertia_kgm2,
+        car.mass_kg * (1.0 + at("mass_kg")) + added,
+        car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2")),
         lf,
         lr,
         2.0 * car.front_cornering_stiffness_n_per_rad * max(1.0 + front, _SOFTEST),
@@ -227,7 +235,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("side_wind.ahead_m"),
         at("steered_pull"),
         at("parallel_steer"),
-        car.front_track_m,
+        front_track_m,
     )
     v_rate = np.gradient(v, DT_S)
     m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
@@ -237,7 +245,8 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         v = (rolled_mps / (1.0 + slips[:, 0]) - across * np.sin(delta)) / np.cos(delta)
         v_rate = np.gradient(v, DT_S)
         m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
-    return Moving(m, v, v_rate, slips, radii, lf, road)
+    tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m")))
+    return Moving(m, v, v_rate, slips, radii, lf, -shift, tracks_m, road)
 
 
 def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
@@ -255,16 +264,14 @@ def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
 
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     """What the instruments make of the motion: all channels (n, 13)."""
-    car, delay_s = drive.car, float(x[INDEX["wheel_speed_delay.delay_s"]])
-    wheels = rolled(
-        moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, car.front_track_m, car.rear_track_m
-    )
+    delay_s = float(x[INDEX["wheel_speed_delay.delay_s"]])
+    wheels = rolled(moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, *moving.tracks_m)
     wheels /= moving.radii
     if delay_s != 0.0:
         wheels = np.column_stack([earlier(wheels[:, i], -delay_s) for i in range(4)])
     own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
     out = np.empty((len(wheels), len(CHANNELS)))
-    out[:, :6] = _imu(x, moving, moving.cg_to_front_axle_m - car.cg_to_front_axle_m)
+    out[:, :6] = _imu(x, moving, moving.imu_ahead_m)
     _clip(drive, x, out)
     out[:, 6], out[:, 7] = wheels[:, other[0]], wheels[:, other[1]]
     out[:, 8] = wheels[:, own[1]] - wheels[:, own[0]]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, sensitivities
-from dsz_daemon.diagnose.effects import GUESSED, NUISANCES, STIFFNESS
+from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED
 from dsz_daemon.diagnose.evidence import gain, held_out, sums
 from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
@@ -38,6 +38,8 @@ _RIVALS = 0.5
 _MOST_EFFECTS = 6
 # An effect that had to go may come back; not for ever.
 _MOST_STEPS = 12
+# Moments are moved and all is fitted again, until they stay where they are.
+_MOST_MOVES, _SETTLED_S = 4, 0.2
 NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
 
 
@@ -69,23 +71,22 @@ def searched(
 ) -> Search:
     """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
-    by_stiffness = {p.name: tolerance.get(f"{p.name}_n_per_rad", 0.0) for p in STIFFNESS}
-    say("refitting offsets and stiffnesses")
-    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), by_stiffness)
+    say("refitting offsets and what has a tolerance")
+    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     for _ in range(_MOST_STEPS):
         if len(best.effects) == _MOST_EFFECTS:
             break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        fit_one, starts = _Trial(drive, rows, best, by_stiffness), _starts(drive, rows, best, by_stiffness)
+        fit_one, starts = _Trial(drive, rows, best, tolerance), _starts(drive, rows, best, tolerance)
         tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
         tried = _ranked(drive, best, tried)
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break
         best = tried[0].fit
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
-        best = _without_idle(drive, rows, best, by_stiffness, gains)
+        best = _without_idle(drive, rows, best, tolerance, gains)
         gains = {effect: gains[effect] for effect in best.effects}
     return Search(drive, rows, nominal, best, {effect: rivals[effect] for effect in best.effects}, gains)
 
@@ -112,8 +113,11 @@ class _Trial:
         fit = fitted(self.drive, self.rows, x, effects, self.tolerance)
         if effect == "low_friction":
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
-            moved = _with_best_moments(self.drive, self.rows, fit)
-            fit = fitted(self.drive, self.rows, moved, effects, self.tolerance)
+            for _ in range(_MOST_MOVES):
+                moved = _with_best_moments(self.drive, self.rows, fit)
+                before, fit = fit.x, fitted(self.drive, self.rows, moved, effects, self.tolerance)
+                if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in _moments(self.drive)):
+                    break
         if _is_implausible(self.drive, fit, effect):
             return Step(effect, -math.inf, fit)
         return Step(effect, gained(self.drive, self.best, fit), fit)
@@ -129,6 +133,10 @@ def _is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
     return False
 
 
+def _moments(drive: Drive) -> list[int]:
+    return [i for i, column in enumerate(drive.vocabulary.columns) if column in MOMENTS]
+
+
 def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
     """The parameters with the moments in which a stretch begins and ends moved to where least is left.
 
@@ -139,7 +147,7 @@ def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
     def left_by(trial: Floats) -> float:
         return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
 
-    moments = [i for i, column in enumerate(drive.vocabulary.columns) if column in MOMENTS]
+    moments = _moments(drive)
     last_s = float(drive.recording.time_s[-1])
     for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
         for i in moments:
@@ -226,7 +234,8 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
     """The effects that are not in the model, the most promising first, by one linear step each."""
     words = drive.vocabulary
     special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
-    columns = [i for i in range(len(words.columns)) if i not in special or i in best.columns]
+    held = set(NUISANCES) - set(best.columns)
+    columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
     base = predicted(drive, best.x, best.road)
     slopes = sensitivities(drive, rows, best.x, best.road, base, columns)
     found = sums(rows, best.left, slopes, best.scatter)
@@ -271,9 +280,11 @@ def slopes_of(found: Search, columns: Sequence[int]) -> Floats:
     return sensitivities(found.drive, found.rows, best.x, best.road, base, columns)
 
 
-def stiffness_gain(found: Search) -> float:
-    """What refitting the configured stiffnesses gains over leaving them as they are, causes included."""
-    held = fitted(found.drive, found.rows, found.best.x, found.best.effects, {p.name: 0.0 for p in STIFFNESS})
+def tolerance_gain(found: Search) -> float:
+    """What refitting the configured parameters gains over leaving them as they are, causes included."""
+    start = found.best.x.copy()
+    start[[INDEX[p.name] for p in TOLERATED]] = 0.0
+    held = fitted(found.drive, found.rows, start, found.best.effects, {})
     return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)
 
 

@@ -77,12 +77,20 @@ def test_ratios_are_told_as_true_over_configured() -> None:
 
 
 def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monkeypatch: pytest.MonkeyPatch) -> None:
-    shares = {"front_cornering_stiffness": (-0.08, 0.01), "rear_cornering_stiffness": (0.06, 0.03)}
-    monkeypatch.setattr(answer.searching, "stiffness_gain", lambda _: 100.0)
+    shares = {
+        "front_cornering_stiffness_n_per_rad": (-0.08, 0.01),
+        "rear_cornering_stiffness_n_per_rad": (0.06, 0.03),
+        "mass_kg": (0.02, 0.003),
+    }
+    monkeypatch.setattr(answer.searching, "tolerance_gain", lambda _: 100.0)
     monkeypatch.setattr(answer, "values_of", lambda *_: shares)
-    car = SimpleNamespace(front_cornering_stiffness_n_per_rad=50_000.0, rear_cornering_stiffness_n_per_rad=60_000.0)
-    search: Any = SimpleNamespace(drive=SimpleNamespace(car=car), best=SimpleNamespace(effects=()), gains={})
-    [error] = answer._parameter_errors(search)
+    car = SimpleNamespace(
+        front_cornering_stiffness_n_per_rad=50_000.0, rear_cornering_stiffness_n_per_rad=60_000.0, mass_kg=1500.0
+    )
+    drive = SimpleNamespace(car=car, steering_ratio=16.0)
+    search: Any = SimpleNamespace(drive=drive, best=SimpleNamespace(effects=()), gains={})
+    error, mass = answer._parameter_errors(search)
+    assert mass[:3] == ("mass_kg", 1500.0, pytest.approx(1530.0))
     assert error.parameter == "front_cornering_stiffness_n_per_rad"
     assert (error.configured, error.fitted, error.std) == pytest.approx((50_000.0, 46_000.0, 500.0))
 

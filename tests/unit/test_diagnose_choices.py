@@ -11,6 +11,8 @@ from core_cases import TUCSON
 from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
+from dsz_daemon.diagnose.flexible import flexible_rms
+from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
@@ -75,7 +77,8 @@ def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
     assert search.best.effects == ("low_friction",)
     best = {name: search.best.x[i] for name, i in INDEX.items() if name.startswith("low_friction")}
     assert best["low_friction.inverse_square"] ** -0.5 == pytest.approx(0.4, rel=0.05)
-    assert best["low_friction.start_s"] == pytest.approx(20.0, abs=0.5)
+    # From 20 s on the car bends by less than 0.8 m/s2, of which even ice takes nothing, until 21.5 s.
+    assert 19.5 < best["low_friction.start_s"] < 21.5
     assert best["low_friction.end_s"] == pytest.approx(40.0, abs=0.5)
 
 
@@ -88,12 +91,57 @@ def test_a_stretch_is_located_to_the_second() -> None:
     one = drive({}, CITY_V, CITY_STEER, change=bump)
     rows = rows_of(one)
     left = residual(rows, predicted(one, nothing(), flat(N)))
-    places = [place for place in located(one, rows, left, np.full(13, 0.01)) if place.channel == "accel_z"]
+    places = [place for place in located(one, rows, left, np.full(13, 0.01), np.ones(13)) if place.channel == "accel_z"]
     assert [(place.start_s, place.end_s) for place in sorted(places, key=lambda place: place.start_s)] == [
         (pytest.approx(15.0, abs=1.0), pytest.approx(30.0, abs=1.0)),
         (pytest.approx(50.0, abs=1.0), pytest.approx(59.0, abs=1.0)),
     ]
     assert sum(place.share for place in places) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_second_that_chance_alone_makes_loud_is_not_located() -> None:
+    """Where forty rows count as one, a fivefold second is one draw of many; where each counts, it is not."""
+    rng = np.random.default_rng(3)
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    left = 0.01 * rng.standard_normal((len(rows.at), 13))
+    at_s = rows.at * DT_S
+    left[(at_s >= 20.0) & (at_s < 22.0), 5] *= 5.0**0.5
+    loud = [located(one, rows, left, np.full(13, 0.01), np.full(13, per_row)) for per_row in (1.0, 40.0)]
+    assert [(place.channel, place.start_s, place.end_s) for place in loud[0]] == [("accel_z", 20.0, 22.0)]
+    assert loud[1] == []
+
+
+def test_a_flexible_model_finds_what_has_no_name_and_nothing_in_noise() -> None:
+    rng = np.random.default_rng(8)
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    left = np.where(rows.used, 0.01 * rng.standard_normal((len(rows.at), 13)), 0.0)
+    v = CITY_V[rows.at]
+    left[:, 5] += 1e-3 * (v - v.mean()) * one.steer[rows.at] / 0.04 * 10.0
+    rms = flexible_rms(one, rows, left)
+    assert rms[5] == pytest.approx(0.01, rel=0.1)
+    assert rms[3] == pytest.approx(0.01, rel=0.05)
+    assert float(np.std(left[:, 5])) > 0.015
+    assert np.isnan(rms[9:]).all()
+
+
+@pytest.mark.parametrize("curve", [np.tanh, lambda x: np.sin(1.3 * np.arctan(x / 1.3))])
+@pytest.mark.parametrize("furthest", [0.7, 1.0, 2.0, 4.0])
+def test_other_curves_read_another_limit_off_the_same_forces(
+    curve: Callable[[np.ndarray], np.ndarray], furthest: float
+) -> None:
+    """Of a curve that ends at 1 only a beginning is seen; what is read off it is 1 within the spread over shapes."""
+    demand = np.linspace(0.0, furthest, 400)
+
+    def ours(limit: float, n: float) -> np.ndarray:
+        return (demand / limit) / (1.0 + (demand / limit) ** n) ** (1.0 / n)
+
+    limits = [(limit, n) for limit in np.geomspace(0.5, 2.0, 60) for n in (1.7, 2.0, 2.5, 3.0, 4.0)]
+    limit, n = min(limits, key=lambda one: float(np.sum((one[0] * ours(*one) - curve(demand)) ** 2)))
+    mean, spread = over_shapes(ours(limit, n), n)
+    assert abs(limit * mean - 1.0) < 2.0 * limit * spread
+    assert spread < (0.4 if furthest < 1.5 else 0.15 if furthest < 3.0 else 0.06)
 
 
 def test_wind_is_named_by_what_it_does_to_the_yaw_rate() -> None:
