@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, GUESSED, NUISANCES, OFFSETS, TOLERATED, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, predicted
 
@@ -23,7 +23,10 @@ _EFFECT_FORM = 0.03
 # No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
 _OF_ITSELF = 0.02
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
-_STIFFNESS = _TOLERATED[:2]
+# Effects that are what may be a little off anyway, with more room.
+_INSTEAD_OF = {"cornering_stiffness": _TOLERATED[:2], "steering_delay": (INDEX["steering_skew_s"],)}
+# What simulations hold their inputs for: no delay is surer than that.
+_A_STEP_S = 0.001
 _ROUNDS = 12
 
 
@@ -72,7 +75,7 @@ def fitted(
 ) -> Fit:
     """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
     words = drive.vocabulary
-    hidden = _STIFFNESS if "cornering_stiffness" in effects else ()
+    hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there.
     columns = (
@@ -81,10 +84,10 @@ def fitted(
     )
     floor = floors(drive)
     x = start.copy()
-    if "cornering_stiffness" in effects:
-        # Beyond the tolerance it has one name, not two.
-        x[list(words.columns_of("cornering_stiffness"))] += x[list(_STIFFNESS)]
-        x[list(_STIFFNESS)] = 0.0
+    for effect in effects:
+        # Beyond what may be off anyway it has one name, not two.
+        for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):
+            x[mine], x[other] = x[mine] + x[other], 0.0
     for profile in OWN_CHANNEL:
         x[list(words.columns_of(profile))] = 0.0
     road = felt_road(drive, x, effects)
@@ -124,6 +127,9 @@ def fitted(
     unseen = held_out(found, lasting, box) * scatter**2
     form = _form(drive, rows, x, effects, base)
     std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
+    if "steering_delay" in effects:
+        at = columns.index(INDEX["steering_delay.delay_s"])
+        std[at] = math.hypot(std[at], _A_STEP_S)
     return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form)
 
 

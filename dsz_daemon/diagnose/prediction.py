@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import firwin, lfilter
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
@@ -35,7 +35,8 @@ CHANNELS = (
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
 _ACROSS = 4
 # A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
-_ROAD_KERNEL = filter_kernel(0.2)
+# All of a road passes that bends up and down within two seconds.
+_ROAD_KERNEL = np.asarray(firwin(201, 1.5, fs=1.0 / DT_S), dtype=np.float64)
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05

@@ -1,26 +1,32 @@
 """Which effects `dsz diagnose` names, from which size on, in the simulated car; Markdown on standard output.
 
     python tests/experiments/detections.py [--scenario city] [--seed 2] [--sizes 1,0.3,0.1] [--jobs 2] [EFFECT ...]
-    python tests/experiments/detections.py --pairs 12
+    python tests/experiments/detections.py --together 2 --drives 12
     python tests/experiments/detections.py --nulls 200
 
 Each is put into the nominal world (`dsz simulate --nominal --effect NAME:...`, cut after --seconds), so that it is all
 there is to find. Size 1 is what `--effect NAME` alone has, smaller ones are nearer to nothing in proportion. Of nulls
 every second one has stiffnesses that are off within their tolerance. The car shares no formula with what judges it.
+`--other` takes the cars of `other_cars.py` instead, another one each time: --scenario city or highway.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import other_cars
+
+from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.runs.diagnose import diagnose
 from dsz_daemon.runs.simulate import simulate
 from dsz_daemon.sim.effects import EFFECTS
@@ -35,16 +41,32 @@ _ALONE = {"axis_fault", "low_friction", "mass_loading", "cornering_stiffness", "
 
 
 class Case(NamedTuple):
-    """One drive: what is in it, in the words of `--effect`."""
+    """One drive: what is in it, in the words of `--effect`; of the project's own simulated car or of another."""
 
     scenario: str
     seed: int
     seconds: float
     effects: tuple[str, ...]
+    other: bool
 
 
-def at_size(name: str, size: float) -> str | None:
+class Answer(NamedTuple):
+    """What is said of a drive; of every planted parameter that is told with a spread, how many spreads it is off.
+
+    `profile_rad`: how far a road's profile is off, rms, but for a constant.
+    """
+
+    found: dict[str, Any]
+    off: tuple[float, ...]
+    profile_rad: float | None
+    overlap: float | None
+    took_s: float
+
+
+def at_size(name: str, size: float, other: bool = False) -> str | None:
     """The effect in the words of `--effect`; None where it has no such size."""
+    if other:
+        return f"{name}:{','.join(f'{key}={value:.6g}' for key, value in other_cars.at_size(name, size).items())}"
     if name == "axis_fault":
         return "axis_fault:channel=accel_x,kind=reversed" if size == 1.0 else None
     words = []
@@ -63,15 +85,58 @@ def at_size(name: str, size: float) -> str | None:
     return f"{name}:{','.join(words)}"
 
 
-def diagnosed(case: Case) -> tuple[dict[str, Any], float]:
-    """The drive, diagnosed, and how long that took."""
+def diagnosed(case: Case) -> Answer:
+    """The drive, diagnosed."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        simulate(case.scenario, folder, case.seed, None, list(case.effects), from_nominal=True)
-        cut(folder / "recording.log", case.seconds)
+        profiles: dict[str, Any] = {}
+        planted = other_cars.parsed(case.effects)
+        if case.other:
+            other_cars.make(folder, case.seed, case.scenario, planted, case.seconds)
+            planted = json.loads((folder / "truth.json").read_text())
+            profiles = dict(np.load(folder / "profiles.npz"))
+        else:
+            simulate(case.scenario, folder, case.seed, None, list(case.effects), from_nominal=True)
+            cut(folder / "recording.log", case.seconds)
         begun = time.monotonic()
         found = diagnose([folder / "recording.log"], folder / "config.yaml", folder / "out")
-        return found, time.monotonic() - begun
+        took_s = time.monotonic() - begun
+        fitted = read_samples(folder / "out" / "fit.parquet")
+        return Answer(found, _off(found, planted), _profile(found, fitted, profiles), _overlap(found, planted), took_s)
+
+
+def _off(found: dict[str, Any], planted: dict[str, dict[str, float]]) -> tuple[float, ...]:
+    off = []
+    for cause in found["causes"]:
+        mine = planted.get(cause["effect"], {})
+        for name, one in cause["parameters"].items():
+            if name in mine and one["std"] and name not in {"start_s", "end_s"}:
+                off.append((one["value"] - mine[name]) / one["std"])
+    return tuple(off)
+
+
+def _profile(found: dict[str, Any], fitted: dict[str, Any], profiles: dict[str, Any]) -> float | None:
+    names = {"road_bank": ("road_bank_rad", "bank"), "road_grade": ("road_grade_up_rad", "grade")}
+    for cause in found["causes"]:
+        if cause["effect"] in names and profiles:
+            name, key = names[cause["effect"]]
+            at_s = fitted["time_s"] - fitted["time_s"][0]
+            left = fitted[name] - np.interp(at_s, profiles["time"], profiles[key])
+            moving = np.nan_to_num(fitted["wheel_other_left_fitted"]) > 3.0
+            return float(np.std(left[moving]))
+    return None
+
+
+def _overlap(found: dict[str, Any], planted: dict[str, dict[str, float]]) -> float | None:
+    """Of a slippery stretch, what is said and true over what is said or true."""
+    for cause in found["causes"]:
+        if cause["effect"] == "low_friction" and "low_friction" in planted:
+            said = [cause["parameters"][name]["value"] for name in ("start_s", "end_s")]
+            true = [planted["low_friction"][name] for name in ("start_s", "end_s")]
+            return max(0.0, min(said[1], true[1]) - max(said[0], true[0])) / (
+                max(said[1], true[1]) - min(said[0], true[0])
+            )
+    return None
 
 
 def cut(log: Path, seconds: float) -> None:
@@ -89,6 +154,8 @@ def judged(effect: str, found: dict[str, Any]) -> str:
         return f"**{', '.join([*causes, *shapes])}**" if causes or shapes else "nothing"
     if effect == "cornering_stiffness" and not causes and found["parameter_errors"]:
         return "right"
+    if effect.startswith("unlisted") and not causes and shapes:
+        return f"right: {', '.join(shapes)}"
     if not causes:
         return f"shape {', '.join(shapes)}" if shapes else "nothing"
     if causes[0] == effect:
@@ -99,78 +166,130 @@ def judged(effect: str, found: dict[str, Any]) -> str:
     return f"**{', '.join(causes)}**"
 
 
-def values(effect: str, found: dict[str, Any]) -> str:
-    """The parameters that were found, with their spreads."""
-    mine = [cause for cause in found["causes"] if cause["effect"] == effect]
-    return "; ".join(
+def values(effect: str, answer: Answer) -> str:
+    """The parameters that were found, with their spreads, and how well a profile or a stretch was."""
+    mine = [cause for cause in answer.found["causes"] if cause["effect"] == effect]
+    words = [
         f"{name} {one['value']:.3g}" + (f" +- {one['std']:.1g}" if one["std"] else "")
         for cause in mine
         for name, one in cause["parameters"].items()
         if not isinstance(one["value"], str) and (one["std"] or 0.0) < 0.3
-    )
+    ]
+    if answer.profile_rad is not None:
+        words.append(f"profile {np.degrees(answer.profile_rad):.2f} deg off")
+    if answer.overlap is not None:
+        words.append(f"overlap {answer.overlap:.2f}")
+    return "; ".join(words)
 
 
-def singles(asked: argparse.Namespace, pool: ProcessPoolExecutor) -> None:
+class Tally:
+    """Counts what is said, drive by drive."""
+
+    def __init__(self) -> None:
+        self.off: list[float] = []
+        self.took_s: list[float] = []
+
+    def add(self, answer: Answer) -> Answer:
+        """Counts one."""
+        self.off += answer.off
+        self.took_s.append(answer.took_s)
+        return answer
+
+    def words(self) -> str:
+        """Coverage of the intervals, and how long it took."""
+        inside = sum(abs(one) < 1.96 for one in self.off)
+        return (
+            f"{inside} of {len(self.off)} parameters are within 1.96 of their spreads. "
+            f"Half took less than {np.median(self.took_s):.0f} s, the longest {max(self.took_s):.0f} s."
+        )
+
+
+def singles(asked: argparse.Namespace, pool: Executor) -> None:
     """A row an effect, a column a size."""
     sizes = [float(size) for size in asked.sizes.split(",")]
-    print(f"| left out | {' | '.join(f'size {size:g}' for size in sizes)} | found at size {sizes[0]:g} | took |")
-    print("|---|" + "---|" * (len(sizes) + 2), flush=True)
-    running = []
-    for effect in asked.effects or ["", *EFFECTS]:
-        words = [at_size(effect, size) if effect else "" for size in (sizes if effect else sizes[:1])]
-        cases = [
-            None if w is None else Case(asked.scenario, asked.seed, asked.seconds, (w,) if w else ()) for w in words
-        ]
-        running.append((effect, [None if case is None else pool.submit(diagnosed, case) for case in cases]))
+    print(f"| left out | {' | '.join(f'size {size:g}' for size in sizes)} | found at size {sizes[0]:g} |")
+    print("|---|" + "---|" * (len(sizes) + 1), flush=True)
+    running, tally, counted = [], Tally(), {size: dict.fromkeys(_VERDICTS, 0) for size in sizes}
+    for number, effect in enumerate(asked.effects or names(asked)):
+        row = []
+        for size in sizes:
+            words = at_size(effect, size, asked.other)
+            seed = asked.seed + (100 * number if asked.other else 0)
+            case = None if words is None else Case(asked.scenario, seed, asked.seconds, (words,), asked.other)
+            row.append(None if case is None else pool.submit(diagnosed, case))
+        running.append((effect, row))
     for effect, futures in running:
-        answers = [None if future is None else future.result() for future in futures]
-        said = ["-" if answer is None else judged(effect, answer[0]) for answer in answers]
-        said += ["-"] * (len(sizes) - len(said))
-        took = max(answer[1] for answer in answers if answer is not None)
+        answers = [None if future is None else tally.add(future.result()) for future in futures]
+        said = ["-" if answer is None else judged(effect, answer.found) for answer in answers]
+        for size, words in zip(sizes, said, strict=True):
+            if words != "-":
+                counted[size][_verdict(words)] += 1
         first = answers[0]
-        shown = values(effect, first[0]) if first is not None else ""
-        print(f"| {effect or 'nothing'} | {' | '.join(said)} | {shown or '-'} | {took:.0f} s |", flush=True)
+        shown = values(effect, first) if first is not None else ""
+        print(f"| {effect} | {' | '.join(said)} | {shown or '-'} |", flush=True)
+    print(f"\n| size | {' | '.join(_VERDICTS)} |\n|---|" + "---|" * len(_VERDICTS))
+    for size, counts in counted.items():
+        print(f"| {size:g} | {' | '.join(str(count) for count in counts.values())} |")
+    print(f"\n{tally.words()}")
 
 
-def pairs(asked: argparse.Namespace, pool: ProcessPoolExecutor) -> None:
-    """Two effects at once, drawn by the seed; both must be named."""
-    rng, names = random.Random(asked.seed), [name for name in EFFECTS if name not in _ALONE]
-    drawn = [rng.sample(names, 2) for _ in range(asked.pairs)]
+_VERDICTS = ("right", "right, and more", "alias", "nothing", "wrong")
+
+
+def _verdict(words: str) -> str:
+    if words.startswith("right, and"):
+        return "right, and more"
+    return next((name for name in ("right", "alias", "nothing") if words.startswith(name)), "wrong")
+
+
+def names(asked: argparse.Namespace) -> list[str]:
+    """All effects that can be planted."""
+    return [name for name in (other_cars.PLAIN if asked.other else EFFECTS) if asked.unlisted == name.startswith("unl")]
+
+
+def together(asked: argparse.Namespace, pool: Executor) -> None:
+    """Several effects at once, drawn by the seed; all must be named."""
+    rng, listed = random.Random(asked.seed), [name for name in names(asked) if name not in _ALONE]
+    drawn = [rng.sample(listed, asked.together) for _ in range(asked.drives)]
     print("| left out | said | |\n|---|---|---|", flush=True)
 
-    def case(number: int, pair: Sequence[str]) -> Case:
-        words = [at_size(name, 1.0) for name in pair]
-        return Case(asked.scenario, asked.seed + number, asked.seconds, tuple(one for one in words if one is not None))
+    def case(number: int, effects: Sequence[str]) -> Case:
+        words = [at_size(name, 1.0, asked.other) for name in effects]
+        there = tuple(one for one in words if one is not None)
+        return Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other)
 
-    running = [(pair, pool.submit(diagnosed, case(number, pair))) for number, pair in enumerate(drawn)]
-    named = 0
-    for pair, future in running:
-        found, _ = future.result()
-        causes = [cause["effect"] for cause in found["causes"]]
-        there = [name in causes for name in pair]
-        named += sum(there)
-        more = [name for name in causes if name not in pair]
-        verdict = ("both" if all(there) else "one" if any(there) else "none") + (" and more" if more else "")
-        print(f"| {' + '.join(pair)} | {', '.join(causes) or '-'} | {verdict} |", flush=True)
-    print(f"\n{named} of {2 * len(drawn)} named.")
+    running = [(effects, pool.submit(diagnosed, case(number, effects))) for number, effects in enumerate(drawn)]
+    named, more_than, tally = 0, 0, Tally()
+    for effects, future in running:
+        answer = tally.add(future.result())
+        causes = [cause["effect"] for cause in answer.found["causes"]]
+        there = sum(name in causes for name in effects)
+        more = [name for name in causes if name not in effects]
+        named, more_than = named + there, more_than + bool(more)
+        verdict = ("all" if there == len(effects) else str(there)) + (" and more" if more else "")
+        print(f"| {' + '.join(effects)} | {', '.join(causes) or '-'} | {verdict} |", flush=True)
+    print(
+        f"\n{named} of {asked.together * len(drawn)} named; {more_than} of {len(drawn)} answers with a name too many."
+    )
+    print(tally.words())
 
 
-def nulls(asked: argparse.Namespace, pool: ProcessPoolExecutor) -> None:
+def nulls(asked: argparse.Namespace, pool: Executor) -> None:
     """Nothing left out, over seeds."""
     rng, running = random.Random(asked.seed), []
     for number in range(asked.nulls):
         front, rear = (round(1.0 + rng.uniform(-0.08, 0.08), 3) for _ in range(2))
         stiffness = f"cornering_stiffness:front_scale={front},rear_scale={rear}"
-        case = Case(asked.scenario, asked.seed + number, asked.seconds, (stiffness,) if number % 2 else ())
+        there = (stiffness,) if number % 2 else ()
+        case = Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other)
         running.append((case, pool.submit(diagnosed, case)))
-    alarms = 0
+    alarms, tally = 0, Tally()
     for case, future in running:
-        found, _ = future.result()
-        said = judged("", found)
+        said = judged("", tally.add(future.result()).found)
         if said != "nothing":
             alarms += 1
             print(f"seed {case.seed} {' '.join(case.effects)}: {said}", flush=True)
-    print(f"{alarms} false alarms in {asked.nulls} drives.")
+    print(f"{alarms} false alarms in {asked.nulls} drives. {tally.words()}")
 
 
 def main() -> None:
@@ -178,15 +297,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("effects", nargs="*", metavar="EFFECT")
     parser.add_argument("--scenario", default="city")
+    parser.add_argument("--other", action="store_true", help="cars of other_cars.py")
+    parser.add_argument("--unlisted", action="store_true", help="what has no name (of other cars)")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=150.0)
     parser.add_argument("--sizes", default="1,0.3,0.1")
-    parser.add_argument("--pairs", type=int, default=0, metavar="N")
+    parser.add_argument("--together", type=int, default=0, metavar="N", help="so many effects in each drive")
+    parser.add_argument("--drives", type=int, default=10, metavar="N", help="so many of these")
     parser.add_argument("--nulls", type=int, default=0, metavar="N")
     parser.add_argument("--jobs", type=int, default=2)
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()
     with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
-        (pairs if asked.pairs else nulls if asked.nulls else singles)(asked, pool)
+        (together if asked.together else nulls if asked.nulls else singles)(asked, pool)
 
 
 if __name__ == "__main__":
