@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.locate import Place, channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, driven, on_road, predicted
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.search import Search, Step, values_of
 from dsz_daemon.diagnose.unlisted import Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
@@ -32,6 +33,8 @@ _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 _STIFFNESS_SHARE = 0.05
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
+# Values with their spreads, None where there is none.
+Told = dict[str, tuple[float, float | None]]
 # Of a moment: so uncertain that no spread is stated.
 _NEVER_S = 100.0
 # As the contract has them: true over configured, which is 1 where nothing is left out.
@@ -51,7 +54,10 @@ class Value(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """One effect that earns its place on unseen data; `gain` in log likelihood, `probability` of its alias group."""
+    """One effect that earns its place on unseen data; `gain` in log likelihood, `probability` of its alias group.
+
+    `elsewhere`: what it gains where whole manoeuvres, or recordings, are unseen.
+    """
 
     effect: str
     probability: float
@@ -59,6 +65,7 @@ class Cause(NamedTuple):
     parameters: dict[str, Value]
     equation: str
     gain: float
+    elsewhere: dict[str, float]
     indistinguishable_from: list[str]
     alternatives: list[dict[str, float | str]]
     next_manoeuvre: str | None
@@ -163,7 +170,7 @@ def _cause(found: Search, effect: str) -> Cause | None:
     values = {
         n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
     }
-    values, units = _as_told(effect, values, units)
+    values, units = _as_told(effect, _on_the_clock(found, values), units)
     group, alternatives = _alternatives(found, effect)
     odds = sum(float(one["probability"]) for one in alternatives if one["effect"] not in group)
     return Cause(
@@ -173,6 +180,7 @@ def _cause(found: Search, effect: str) -> Cause | None:
         {name: Value(value, std, units[name]) for name, (value, std) in values.items()},
         described.equation,
         found.gains[effect],
+        dict(found.elsewhere[effect]),
         group,
         alternatives,
         _to_drive_next(found, effect, group),
@@ -198,13 +206,14 @@ def _fault(fault: AxisFault) -> Cause:
         {"channel": Value(fault.channel, None, ""), "kind": Value(fault.kind, None, "")},
         "reading_i = s u reading_j",
         fault.gain,
+        {},
         [],
         [],
         None,
     )
 
 
-def _values(found: Search, effect: str) -> dict[str, tuple[float, float | None]]:
+def _values(found: Search, effect: str) -> Told:
     """(value, spread) of an effect's parameters; of a profile its rms over what was driven."""
     profiles = on_road(found.best.road, found.best.x)
     profile = {
@@ -212,7 +221,7 @@ def _values(found: Search, effect: str) -> dict[str, tuple[float, float | None]]
         "road_grade": ("rms_rad", profiles.grade_rad),
         "side_wind": ("rms_n", profiles.side_n),
     }.get(effect)
-    values: dict[str, tuple[float, float | None]] = dict(values_of(found.drive, found.best, effect))
+    values: Told = dict(values_of(found.drive, found.best, effect))
     if "inverse_square" in values:
         square, std = values["inverse_square"]
         mean, spread = over_shapes(*_front_share(found, effect))
@@ -235,9 +244,17 @@ def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
     return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
 
 
-def _as_told(
-    effect: str, values: dict[str, tuple[float, float | None]], units: dict[str, str]
-) -> tuple[dict[str, tuple[float, float | None]], dict[str, str]]:
+def _on_the_clock(found: Search, values: Told) -> Told:
+    """Moments, in which the simulation counts what was recorded, in s since the first frame: pauses count, too."""
+    time_s = found.drive.recording.time_s
+
+    def at(moment_s: float) -> float:
+        return float(time_s[min(max(round(moment_s / DT_S), 0), len(time_s) - 1)])
+
+    return {n: (at(v), s) if n in {"start_s", "end_s"} else (v, s) for n, (v, s) in values.items()}
+
+
+def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, dict[str, str]]:
     """In the parameters that the outside knows."""
     units = units | {"rms_rad": "rad", "rms_n": "N", "friction_coefficient": "1", "cutoff_hz": "Hz"}
     if "inverse_square" in values:

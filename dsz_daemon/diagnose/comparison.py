@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,12 +28,15 @@ STILL_MPS = 0.05
 FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
+# Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
+_MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
 
 class Rows(NamedTuple):
     """The rows that are compared: `used` (k, 13) which channels of each count, `block` (k,) its block of BLOCK_S.
 
-    `form` (13,) is what the simulation's form alone may be off by, in each channel's unit.
+    `form` (13,) is what the simulation's form alone may be off by, in each channel's unit. `together`: by name, for
+    each block of what it is one (a manoeuvre, a recording), where there is more than one of these.
     """
 
     at: Ints
@@ -40,6 +44,7 @@ class Rows(NamedTuple):
     block: Ints
     measured: Floats
     form: Floats
+    together: Mapping[str, Ints] = MappingProxyType({})
 
 
 def rows_of(drive: Drive) -> Rows:
@@ -75,7 +80,34 @@ def rows_of(drive: Drive) -> Rows:
     step_rad = drive.recording.steering_step_rad / math.sqrt(12.0)
     for c, per_rad in ((2, turns), (4, turns * moving)):
         form[c] = math.hypot(form[c], step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0)
-    return Rows(at, used, (at * DT_S / BLOCK_S).astype(np.int64), np.where(used, measured, 0.0), form)
+    block = (at * DT_S / BLOCK_S).astype(np.int64)
+    return Rows(at, used, block, np.where(used, measured, 0.0), form, _together(drive, at, used, block))
+
+
+def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:
+    """Blocks of one manoeuvre, by how much the car brakes and turns; and blocks of one recording."""
+    v, n = np.mean(drive.wheels, axis=1), int(block[-1]) + 1
+    turns = drive.steer / drive.car.wheelbase_m
+    counted = used.any(axis=1)
+
+    def most(values: Floats) -> Floats:
+        found = np.zeros(n)
+        np.maximum.at(found, block[counted], np.abs(values[at][counted]))
+        return found
+
+    across, along = most(turns * v * v), most(np.gradient(v, DT_S))
+    kinds = {"manoeuvres": np.where(across > _HARD_MPS2, 3, np.where(across > _MPS2, 2, np.where(along > _MPS2, 1, 0)))}
+    piece = drive.recording.piece
+    if piece is not None:
+        kinds["recordings"] = np.zeros(n, dtype=np.int64)
+        np.maximum.at(kinds["recordings"], block, piece[at])
+    rows = np.bincount(block[counted], minlength=n)
+    return {name: kind for name, kind in kinds.items() if _is_held_out(kind, rows)}
+
+
+def _is_held_out(kind: Ints, rows: Ints) -> bool:
+    """Whether there are two kinds of blocks or more, each with enough rows."""
+    return int(np.count_nonzero(np.bincount(kind, rows) * ROW_S > _LEAST_S)) > 1
 
 
 def driven_s(drive: Drive, rows: Rows) -> float:

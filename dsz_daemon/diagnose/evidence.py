@@ -95,15 +95,18 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
 
 
-def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
-    """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it."""
+def held_out(found: Sums, columns: Sequence[int], box: Box, fold: Ints | None = None) -> Floats:
+    """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it.
+
+    Blocks of one `fold` (b,) are held out together; without it, every FOLDS-th.
+    """
     chosen = list(columns)
     part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
     squares = found.squares[:, :, chosen][:, :, :, chosen]
     cross = found.cross[:, :, chosen]
-    fold = np.arange(len(found.left)) % FOLDS
+    fold = np.arange(len(found.left)) % FOLDS if fold is None else fold
     result = np.zeros_like(found.left)
-    for k in range(FOLDS):
+    for k in np.unique(fold):
         seen, unseen = fold != k, fold == k
         step = solved(squares[seen].sum(axis=(0, 1)), cross[seen].sum(axis=(0, 1)), part)
         result[unseen] = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,10 @@ _ROUNDS = 12
 
 
 class Fit(NamedTuple):
-    """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns."""
+    """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns.
+
+    `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
+    """
 
     x: Floats
     std: Floats
@@ -44,6 +48,7 @@ class Fit(NamedTuple):
     unseen: Floats
     road: Profiles
     form: Floats
+    together: Mapping[str, Floats] = MappingProxyType({})
 
 
 def nuisances(tolerance: Mapping[str, float]) -> tuple[int, ...]:
@@ -125,12 +130,13 @@ def fitted(
     # When a stretch begins and ends is told by the moments around, which some fold has not seen.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS]
     unseen = held_out(found, lasting, box) * scatter**2
+    together = {name: held_out(found, lasting, box, kind) * scatter**2 for name, kind in rows.together.items()}
     form = _form(drive, rows, x, effects, base)
     std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
-    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form)
+    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together)
 
 
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:

@@ -7,10 +7,11 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import ROW_S, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 # The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
-_BEYOND, _FOR_ROWS = 1.05, 5
+_BEYOND, _FOR_ROWS = 1.02, 5
 # A slippery stretch: so long at least, and so much of what is left in it.
 _SHORTEST_S = 2.0
 _YAW, _ACROSS = 2, 4
@@ -20,7 +21,7 @@ _USED = 0.8
 
 def guesses(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
     """Effects with parameters (as `x`) to begin from; `left` (k, 13) is what x leaves of the rows that are compared."""
-    return [*_clipped(drive, rows, x), *_slippery(drive, rows, x, left)]
+    return [*_clipped(drive, rows, x), *_slippery(rows, x, left)]
 
 
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
@@ -40,7 +41,7 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
     return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
 
 
-def _slippery(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
+def _slippery(rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
     """The stretch in which most is left of yaw rate and lateral acceleration, over what is usual."""
     each = np.zeros(len(rows.at))
     for c in (_YAW, _ACROSS):
@@ -71,6 +72,6 @@ def _slippery(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[s
     friction = max(float(np.quantile(np.abs(across), 0.98)) / _USED / STANDARD_GRAVITY_MPS2, 0.05)
     start = x.copy()
     start[INDEX["low_friction.inverse_square"]] = friction**-2
-    start[INDEX["low_friction.start_s"]] = drive.recording.time_s[rows.at[first]]
-    start[INDEX["low_friction.end_s"]] = drive.recording.time_s[rows.at[last - 1]]
+    start[INDEX["low_friction.start_s"]] = rows.at[first] * DT_S
+    start[INDEX["low_friction.end_s"]] = rows.at[last - 1] * DT_S
     return [("low_friction", start)]

@@ -16,6 +16,7 @@ from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
+Ints = np.ndarray[Any, np.dtype[np.int64]]
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 
 DT_S = 0.01
@@ -26,18 +27,20 @@ FILTER_S = 0.06
 ALONG_FILTER_S = 0.15
 # Steering and wheel speeds come every 10 to 50 ms; what is missing for longer is not made up.
 LONGEST_GAP_S = 0.25
+# Where nothing came for so long, one recording ends and the next begins; so much of nothing is left between the two.
+_PAUSE_S, _BETWEEN_S = 10.0, 2.0
 # What a reference may bring: its columns, each on the log's clock, often once a second.
 REFERENCE = ("vx_mps", "vy_mps", "yaw_rate_radps", "grade_up_rad")
 _REFERENCE_GAP_S = 1.5
 
 
 class Recording(NamedTuple):
-    """One drive on a grid of DT_S; SI, filtered, NaN where a signal is missing.
+    """One drive, or several, on a grid of DT_S; SI, filtered, NaN where a signal is missing.
 
     `time_s` (n,) counts from the first frame; `imu` (n, 6) in the order of `IMU_CHANNELS`, `wheels_mps` (n, 4) by the
     configured radius. `floor` (10,) is the standard deviation that white noise of the unfiltered channels leaves, IMU
     channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel. `reference` (n, 4)
-    and its floor (4,) are in the order of `REFERENCE`.
+    and its floor (4,) are in the order of `REFERENCE`. `piece` (n,) counts recordings, between which `time_s` jumps.
     """
 
     time_s: Floats
@@ -48,6 +51,7 @@ class Recording(NamedTuple):
     steering_step_rad: float = 0.0
     reference: Floats | None = None
     reference_floor: Floats | None = None
+    piece: Ints | None = None
 
 
 def recorded(
@@ -58,8 +62,7 @@ def recorded(
     Of a `reference` (states by name, SI) what is in `REFERENCE` is used, and `speed_mps` where there is no `vx_mps`.
     """
     first = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
-    last = max(int(signal.t_ns[-1]) for signal in signals.values() if len(signal.t_ns))
-    time_s = DT_S * np.arange(int((last - first) * 1e-9 / DT_S) + 1, dtype=np.float64)
+    time_s, piece = _grid(signals, first)
     names = (*IMU_CHANNELS, *WHEEL_SPEEDS)
     raw = {name: _on_grid(signals.get(name), first, time_s) for name in names}
     steering = _on_grid(signals.get("steering_wheel_angle"), first, time_s) / steering_ratio
@@ -67,7 +70,7 @@ def recorded(
         steering = _on_grid(signals.get("road_wheel_angle"), first, time_s)
     kernel = filter_kernel()
     smooth = {name: filtered(values, kernel) for name, values in raw.items()}
-    beside = on_grid_of(reference or {}, first, time_s)
+    states, states_floor = on_grid_of(reference or {}, first, time_s) or (None, None)
     return Recording(
         time_s,
         filtered(steering, kernel),
@@ -75,8 +78,22 @@ def recorded(
         np.column_stack([smooth[name] for name in IMU_CHANNELS]),
         np.array([_floor(signals.get(name), kernel) for name in names]),
         _step(signals.get("steering_wheel_angle")) / steering_ratio or _step(signals.get("road_wheel_angle")),
-        *((None, None) if beside is None else beside),
+        states,
+        states_floor,
+        piece,
     )
+
+
+def _grid(signals: Mapping[str, Signal], first_ns: int) -> tuple[Floats, Ints]:
+    """The grid's instants, s since the first sample, and which recording each is of."""
+    at_ns = np.unique(np.concatenate([signal.t_ns for signal in signals.values()]))
+    ends = np.flatnonzero(np.diff(at_ns) > _PAUSE_S * 1e9)
+    grids = []
+    for begin, end in zip((0, *(ends + 1)), (*ends, len(at_ns) - 1), strict=True):
+        start_s, last_s = ((int(at_ns[i]) - first_ns) * 1e-9 for i in (begin, end))
+        pause_s = 0.0 if end == len(at_ns) - 1 else _BETWEEN_S
+        grids.append(start_s + DT_S * np.arange(int((last_s + pause_s - start_s) / DT_S) + 1, dtype=np.float64))
+    return np.concatenate(grids), np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
 
 
 def on_grid_of(reference: Mapping[str, Signal], first_ns: int, time_s: Floats) -> tuple[Floats, Floats] | None:

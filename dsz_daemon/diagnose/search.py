@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from dsz_daemon.diagnose.evidence import gain, held_out, sums
 from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S
 
 Progress = Callable[[str], None]
 # `map`, or one that works side by side.
@@ -52,7 +54,10 @@ class Step(NamedTuple):
 
 
 class Search(NamedTuple):
-    """The nominal refit, the model at the end, and the rivals of each effect at the time it was chosen."""
+    """The nominal refit, the model at the end, and the rivals of each effect at the time it was chosen.
+
+    `elsewhere`: what each gains on whole manoeuvres and recordings that its fit has not seen.
+    """
 
     drive: Drive
     rows: Rows
@@ -60,6 +65,7 @@ class Search(NamedTuple):
     best: Fit
     rivals: Mapping[str, tuple[Step, ...]]
     gains: Mapping[str, float]
+    elsewhere: Mapping[str, Mapping[str, float]] = MappingProxyType({})
 
 
 def searched(
@@ -75,6 +81,7 @@ def searched(
     nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
+    elsewhere: dict[str, dict[str, float]] = {}
     for _ in range(_MOST_STEPS):
         if len(best.effects) == _MOST_EFFECTS:
             break
@@ -84,11 +91,12 @@ def searched(
         tried = _ranked(drive, best, tried)
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break
+        elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains)
         gains = {effect: gains[effect] for effect in best.effects}
-    return Search(drive, rows, nominal, best, {effect: rivals[effect] for effect in best.effects}, gains)
+    return Search(drive, rows, nominal, best, {effect: rivals[effect] for effect in best.effects}, gains, elsewhere)
 
 
 def _starts(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[tuple[str, Floats]]:
@@ -148,7 +156,7 @@ def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
         return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
 
     moments = _moments(drive)
-    last_s = float(drive.recording.time_s[-1])
+    last_s = float(len(drive.steer) * DT_S)
     for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
         for i in moments:
             for sign in (-1.0, 1.0):
@@ -202,10 +210,11 @@ def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
     return rms > _FELT * float(np.hypot(floors(drive)[c], best.form[c]))
 
 
-def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None) -> float:
+def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> float:
     """Log likelihood that the larger model gains on blocks that its fit has not seen.
 
     `per_row` (13,): how many rows count as one, if not as many as hang together in what the larger model leaves.
+    `kind`: on whole manoeuvres, or recordings, that it has not seen.
     """
     per_row = larger.per_row if per_row is None else per_row
     count, form = larger.sums.counts.copy(), smaller.form.copy()
@@ -220,7 +229,8 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
         if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
-    found = gain(smaller.unseen, larger.unseen, count, per_row, form, _quiet(drive, smaller))
+    before, after = (fit.together[kind] if kind else fit.unseen for fit in (smaller, larger))
+    found = gain(before, after, count, per_row, form, _quiet(drive, smaller))
     return found - _A_PARAMETER * len(moved)
 
 

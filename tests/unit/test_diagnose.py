@@ -240,6 +240,25 @@ def test_the_box_holds() -> None:
     assert solved(squares, cross, tight) == pytest.approx([0.5, 1.25])
 
 
+def test_whole_kinds_are_held_out_together() -> None:
+    """Of two recordings that deny each other, either is predicted worse by the other than by nothing."""
+    rng = np.random.default_rng(5)
+    block = np.repeat(np.arange(20), 25)
+    used = np.zeros((500, 13), dtype=np.bool_)
+    used[:, 0] = True
+    slopes, left = np.zeros((500, 13, 1)), np.zeros((500, 13))
+    slopes[:, 0, 0] = rng.normal(size=500)
+    first = block < 10
+    left[:, 0] = slopes[:, 0, 0] * np.where(first, 1.0, -1.0)
+    rows = Rows(np.arange(500), used, block, np.zeros((500, 13)), np.zeros(13))
+    found = sums(rows, left, slopes, np.ones(13))
+    free = Box(np.full(1, -10.0), np.full(1, 10.0), np.full(1, 1e-9))
+    recordings = (np.arange(20) >= 10).astype(np.int64)
+    alone, unseen = float(np.sum(left**2)), held_out(found, [0], free, recordings)
+    # The other recording's coefficient is the negative of one's own: twice the distance, four times the square.
+    assert unseen.sum() == pytest.approx(4.0 * alone, rel=1e-6)
+
+
 def test_what_hangs_together_counts_once() -> None:
     """An autoregression of 0.8: (1 + 0.8) / (1 - 0.8) = 9 rows tell as much as one."""
     rng = np.random.default_rng(4)
