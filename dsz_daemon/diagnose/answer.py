@@ -10,6 +10,7 @@ import numpy as np
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
+from dsz_daemon.diagnose.aliases import SameAsOffset, alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import floors
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED
@@ -20,14 +21,10 @@ from dsz_daemon.diagnose.locate import Place, channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.search import Search, Step, values_of
+from dsz_daemon.diagnose.search import Search, values_of
 from dsz_daemon.diagnose.unlisted import Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 
-# Of two explanations so close on unseen data, the recording does not choose: in log likelihood, and of what is gained.
-_ALIKE, _ALIKE_SHARE = 3.0, 0.02
-# No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
-SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
 _STIFFNESS_SHARE = 0.05
@@ -112,6 +109,7 @@ class Diagnosis(NamedTuple):
     level: dict[str, float]
     could_not_test: list[dict[str, str]]
     offsets: dict[str, Value]
+    same_as_offsets: list[SameAsOffset]
 
 
 def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
@@ -124,6 +122,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
     level = _level(found)
     unexplained = [name for name, value in level.items() if value > UNEXPLAINED]
     said = causes or errors or shapes or unexplained
+    offsets = _offsets(found)
     return Diagnosis(
         _verdict(bool(causes), bool(shapes or unexplained)),
         located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if said else [],
@@ -133,7 +132,8 @@ def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
         _fit(found),
         level,
         _untested(found),
-        {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in _offsets(found).items()},
+        {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in offsets.items()},
+        same_as_offsets({name: v for name, (v, _) in offsets.items()}),
     )
 
 
@@ -171,8 +171,8 @@ def _cause(found: Search, effect: str) -> Cause | None:
         n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
     }
     values, units = _as_told(effect, _on_the_clock(found, values), units)
-    group, alternatives = _alternatives(found, effect)
-    odds = sum(float(one["probability"]) for one in alternatives if one["effect"] not in group)
+    group, others = alternatives(found, effect)
+    odds = sum(float(one["probability"]) for one in others if one["effect"] not in group)
     return Cause(
         effect,
         1.0 - odds,
@@ -182,7 +182,7 @@ def _cause(found: Search, effect: str) -> Cause | None:
         found.gains[effect],
         dict(found.elsewhere[effect]),
         group,
-        alternatives,
+        others,
         _to_drive_next(found, effect, group),
     )
 
@@ -270,26 +270,6 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
         for name, (value, std) in values.items()
     }
     return told, units
-
-
-def _alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str, float | str]]]:
-    """What an effect can't be told from, and all that could stand in its place, with their probabilities."""
-    steps: dict[str, Step] = {}
-    for step in found.rivals[effect]:
-        if step.effect not in steps and (step.effect == effect or step.effect not in found.best.effects):
-            steps[step.effect] = step
-    top = steps[effect].gain
-    near = max(_ALIKE, _ALIKE_SHARE * top)
-    group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
-    if effect in SAME_TURN:
-        group += sorted(SAME_TURN - {effect, *group})
-    weights = {name: math.exp(min(step.gain - top, 50.0)) for name, step in steps.items()}
-    total = sum(weights.values())
-    return group, [
-        {"effect": name, "probability": weight / total}
-        for name, weight in weights.items()
-        if name != effect and weight > 1e-6 * total
-    ]
 
 
 def _parameter_errors(found: Search) -> list[ParameterError]:

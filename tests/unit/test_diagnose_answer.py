@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import answer
+from dsz_daemon.diagnose import aliases, answer
 from dsz_daemon.diagnose.search import Step
 
 
@@ -34,7 +34,7 @@ def test_the_verdict_comes_from_causes_and_from_what_is_left(explained: bool, le
 
 def test_what_comes_near_is_in_the_group_and_what_does_not_shares_the_odds() -> None:
     tried = {"imu_delay": 40.0, "sensor_bandwidth": 38.0, "tyre_relaxation": 36.0, "gyro_scale": -5.0}
-    group, others = answer._alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")
+    group, others = aliases.alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")
     assert group == ["sensor_bandwidth"]
     total = 1.0 + math.exp(-2.0) + math.exp(-4.0)
     odds = {str(one["effect"]): one["probability"] for one in others}
@@ -46,17 +46,17 @@ def test_what_comes_near_is_in_the_group_and_what_does_not_shares_the_odds() -> 
 
 def test_of_a_large_gain_a_share_is_near() -> None:
     tried = {"imu_delay": 1000.0, "sensor_bandwidth": 985.0}
-    assert answer._alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")[0] == ["sensor_bandwidth"]
+    assert aliases.alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")[0] == ["sensor_bandwidth"]
 
 
 def test_what_is_in_the_model_is_no_alternative() -> None:
     tried = {"imu_delay": 40.0, "gyro_scale": 39.0}
-    assert answer._alternatives(found({"imu_delay": tried}, ("imu_delay", "gyro_scale")), "imu_delay") == ([], [])
+    assert aliases.alternatives(found({"imu_delay": tried}, ("imu_delay", "gyro_scale")), "imu_delay") == ([], [])
 
 
-@pytest.mark.parametrize("effect", sorted(answer.SAME_TURN))
+@pytest.mark.parametrize("effect", sorted(aliases.SAME_TURN))
 def test_what_turns_the_car_alike_names_each_other(effect: str) -> None:
-    group, _ = answer._alternatives(found({effect: {effect: 100.0}}, (effect,)), effect)
+    group, _ = aliases.alternatives(found({effect: {effect: 100.0}}, (effect,)), effect)
     assert set(group) == {"mass_loading", "cornering_stiffness", "steering_compliance"} - {effect}
 
 
@@ -104,3 +104,14 @@ def test_the_level_is_what_is_left_over_noise_and_coarseness(monkeypatch: pytest
     )
     search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
     assert answer._level(search) == {"accel_x": pytest.approx(0.2 / 0.05)}
+
+
+def test_a_turned_mount_is_the_same_as_an_offset() -> None:
+    """reading_x = fx - pitch fz: 3.75 deg of pitch at rest read -g sin 3.75 deg."""
+    x, y = aliases.same_as_offsets({"offset_accel_x": -0.6414, "offset_accel_y": 0.5, "offset_accel_z": 2.0})
+    assert (x.effect, x.parameter) == ("imu_misalignment", "pitch_rad")
+    assert math.degrees(x.value_rad) == pytest.approx(3.75, abs=0.01)
+    assert (y.parameter, y.value_rad) == ("roll_rad", pytest.approx(0.5 / 9.80665))
+    assert "+3.75 deg of pitch" in x.statement
+    assert "-3.75 deg: on one drive" in x.statement
+    assert aliases.same_as_offsets({"offset_accel_x": 0.2, "offset_accel_y": -0.2}) == []
