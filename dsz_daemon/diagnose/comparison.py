@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -28,6 +28,11 @@ STILL_MPS = 0.05
 FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
+# What makes another road of what the roll and pitch gyros show.
+_TURN_THE_GYROS = frozenset(
+    {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
+    | {"suspension_roll", "suspension_pitch"}
+)
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
@@ -152,8 +157,19 @@ def floors(drive: Drive) -> Floats:
     return np.array([*floor[:3], along, *floor[4:6], wheels[other[0]], wheels[other[1]], pair, *beside])
 
 
-def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Floats, columns: Sequence[int]) -> Floats:
-    """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound."""
+def sensitivities(
+    drive: Drive,
+    rows: Rows,
+    x: Floats,
+    road: Profiles,
+    base: Floats,
+    columns: Sequence[int],
+    felt: Callable[[Floats], Profiles] | None = None,
+) -> Floats:
+    """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound.
+
+    `felt`: the road that is felt for other parameters, where it is not the same for all.
+    """
     found = np.zeros((len(rows.at), len(CHANNELS), len(columns)))
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
@@ -168,7 +184,12 @@ def sensitivities(drive: Drive, rows: Rows, x: Floats, road: Profiles, base: Flo
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        there = shown(drive, moved, moving) if touches.get(effect, CAR) == SENSORS else predicted(drive, moved, road)
+        if felt is not None and effect in _TURN_THE_GYROS:
+            there = predicted(drive, moved, felt(moved))
+        elif touches.get(effect, CAR) == SENSORS:
+            there = shown(drive, moved, moving)
+        else:
+            there = predicted(drive, moved, road)
         found[:, :, place] = (there - base)[rows.at] / step
     found *= rows.used[:, :, np.newaxis]
     # Beside a car that is about to spin a step further is anything; nothing is learnt from that.

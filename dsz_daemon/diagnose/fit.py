@@ -12,7 +12,8 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED, Parameter
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, felt_road, flat, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
+from dsz_daemon.diagnose.profiles import Felt
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -95,12 +96,13 @@ def fitted(
             x[mine], x[other] = x[mine] + x[other], 0.0
     for profile in OWN_CHANNEL:
         x[list(words.columns_of(profile))] = 0.0
-    road = felt_road(drive, x, effects)
+    felt = Felt(drive, x, effects)
+    road = felt(x)
     base = predicted(drive, x, road)
     left = residual(rows, base)
     scatter = robust_std(rows, left, floor)
     for _ in range(_ROUNDS):
-        slopes = sensitivities(drive, rows, x, road, base, columns)
+        slopes = sensitivities(drive, rows, x, road, base, columns, felt if felt.is_tilted else None)
         found = sums(rows, left, slopes, scatter)
         box = box_of(words.columns, x, columns, tolerance)
         step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
@@ -109,7 +111,8 @@ def fitted(
         while share > 0.05:
             trial = x.copy()
             trial[list(columns)] += share * step
-            trial_base = predicted(drive, trial, road)
+            trial_road = felt(trial)
+            trial_base = predicted(drive, trial, trial_road)
             trial_left = residual(rows, trial_base)
             if loss_of(trial_left, rows, scatter) < before:
                 break
@@ -117,13 +120,13 @@ def fitted(
         else:
             break
         gone = before - loss_of(trial_left, rows, scatter)
-        x, base, left = trial, trial_base, trial_left
+        x, road, base, left = trial, trial_road, trial_base, trial_left
         new = robust_std(rows, left, floor)
         settled = gone < 1e-3 * before + 0.5 and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
         scatter = new
         if settled:
             break
-    slopes = sensitivities(drive, rows, x, road, base, columns)
+    slopes = sensitivities(drive, rows, x, road, base, columns, felt if felt.is_tilted else None)
     found = sums(rows, left, slopes, scatter)
     per_row = correlated_rows(left, rows.used)
     box = box_of(words.columns, x, columns, tolerance)

@@ -72,7 +72,10 @@ def _limited(force: float, load_n: float, grip: float, sharpness: float) -> floa
 
 @compiled
 def _pulled(car: CarModel, front_n: float, along_mps2: float, delta: float) -> float:
-    """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta."""
+    """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta.
+
+    `along_mps2` is a_x and what a climb takes.
+    """
     return car.steered_pull * (car.mass_kg * along_mps2 + front_n * math.sin(delta)) * math.tan(delta)
 
 
@@ -99,9 +102,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     grip: Floats,
     side_n: Floats,
     bank_rad: Floats,
+    grade_rad: Floats,
     dt_s: float,
 ) -> Floats:
-    """Motion (n, 10) by the columns above, of steering, speed, its rate, 1/friction^2, wind and bank (n,).
+    """Motion (n, 10) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
 
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
     """
@@ -131,9 +135,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             )
             rear = _limited(-car.rear_stiffness * math.atan2(vy - lr * r, v), rear_load, grip[i], car.sharpness)
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
+        uphill = G * math.sin(grade_rad[i])
         cos = math.cos(delta)
         if v >= ROLLING_MPS:
-            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy, delta)
+            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, delta)
             scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, delta)
             ay = (steered + rear + outside + scrub_n) / car.mass_kg
             r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) / car.yaw_inertia_kgm2
@@ -171,7 +176,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             share = -math.expm1(-v_mid * dt_s / car.relaxation_m)
             front += share * (front_goal - front)
             rear += share * (rear_goal - rear)
-        along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid
+        along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid + uphill
         steered = front_mid * math.cos(delta_mid) + _pulled(car, front_mid, along, delta_mid)
         scrub_n, scrub_nm = _scrubbed(car, (vy_mid + lf * r_mid) / v_mid, r_mid / v_mid, delta_mid)
         vy += dt_s * ((steered + rear_mid + outside + scrub_n) / car.mass_kg - r_mid * v_mid)

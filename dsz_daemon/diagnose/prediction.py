@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import firwin, lfilter
+from scipy.signal import lfilter
 
-from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
@@ -33,15 +32,9 @@ CHANNELS = (
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
-_ACROSS = 4
-# A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
-# All of a road passes that bends up and down within two seconds.
-_ROAD_KERNEL = np.asarray(firwin(201, 1.5, fs=1.0 / DT_S), dtype=np.float64)
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
-# A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
-_WIND_ROUNDS = 15
 
 
 class Drive(NamedTuple):
@@ -132,39 +125,6 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
     return road._replace(bank_rad=corrected[0], grade_rad=corrected[1], grip=grip)
 
 
-def felt_road(drive: Drive, x: Floats, effects: tuple[str, ...]) -> Profiles:
-    """The road and the air that the IMU has felt, beyond what `x` says of it without them.
-
-    Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down. The
-    side force is what the lateral accelerometer has left over, of which the tyres' answer is taken away again.
-    """
-    n = len(drive.steer)
-    road = flat(n)
-    if {"road_bank", "road_grade"} & set(effects):
-        left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, road)[:, :2])
-        yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
-        bank, slope = _integrated(left[:, 0], left[:, 1], yaw, "road_bank" in effects, "road_grade" in effects)
-        road = road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
-    if "side_wind" not in effects:
-        return road
-    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    for _ in range(_WIND_ROUNDS):
-        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
-        road = road._replace(side_n=road.side_n + drive.car.mass_kg * np.where(rolling, left_mps2, 0.0))
-    return road
-
-
-@compiled
-def _integrated(p: Floats, q: Floats, r: Floats, banks: bool, climbs: bool) -> tuple[Floats, Floats]:
-    bank, slope = np.zeros(len(p)), np.zeros(len(p))
-    for i in range(1, len(p)):
-        if banks:
-            bank[i] = bank[i - 1] + DT_S * (0.5 * (p[i] + p[i - 1]) + r[i] * slope[i - 1])
-        if climbs:
-            slope[i] = slope[i - 1] + DT_S * (0.5 * (q[i] + q[i - 1]) - r[i] * bank[i - 1])
-    return bank, slope
-
-
 class Moving(NamedTuple):
     """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
 
@@ -239,13 +199,13 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         front_track_m,
     )
     v_rate = np.gradient(v, DT_S)
-    m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
+    m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
     if drive.front_gives_speed:
         # Now that the front axle's own way sideways is known.
         delta, across = m[:, motion.DELTA], m[:, motion.VY] + lf * m[:, motion.R]
         v = (rolled_mps / (1.0 + slips[:, 0]) - across * np.sin(delta)) / np.cos(delta)
         v_rate = np.gradient(v, DT_S)
-        m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, DT_S)
+        m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m")))
     return Moving(m, v, v_rate, slips, radii, lf, -shift, tracks_m, road)
 

@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.evidence import gain, held_out, sums
 from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
 
 Progress = Callable[[str], None]
@@ -247,7 +248,8 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
     held = set(NUISANCES) - set(best.columns)
     columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
     base = predicted(drive, best.x, best.road)
-    slopes = sensitivities(drive, rows, best.x, best.road, base, columns)
+    felt = Felt(drive, best.x, best.effects)
+    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, felt if felt.is_tilted else None)
     found = sums(rows, best.left, slopes, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}

@@ -22,7 +22,7 @@ G = 9.80665
 
 
 def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) -> np.ndarray:
-    inputs = {"v_rate": NONE, "grip": NONE, "side_n": NONE, "bank_rad": NONE} | changed
+    inputs = {"v_rate": NONE, "grip": NONE, "side_n": NONE, "bank_rad": NONE, "grade_rad": NONE} | changed
     return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
 
 
@@ -115,6 +115,15 @@ def test_a_front_drive_pulls_where_the_wheels_point() -> None:
     assert pulled[motion.AY] - rolling[motion.AY] == pytest.approx((2.0 + tyre / M) * math.tan(delta))
     turned = (M * 2.0 + tyre) * math.tan(delta) * LF / IZ
     assert pulled[motion.R_RATE] - rolling[motion.R_RATE] == pytest.approx(turned)
+
+
+def test_a_climb_is_pulled_up_by_wheels_that_point_aside() -> None:
+    """At a constant speed uphill F_x = m g sin(grade) / cos(delta) but for the tyres' own."""
+    climb, delta = np.full(len(T), 0.1), 0.2
+    car = NOMINAL._replace(steered_pull=1.0)
+    up, level = (driven(car, 20.0, np.full(len(T), delta), grade_rad=grade) for grade in (climb, NONE))
+    assert up[0, motion.AY] - level[0, motion.AY] == pytest.approx(G * math.sin(0.1) * math.tan(delta))
+    assert up[-1, motion.R] > level[-1, motion.R] * 1.01
 
 
 def test_parallel_wheels_scrub() -> None:

@@ -10,7 +10,8 @@ from core_cases import TUCSON
 
 from dsz_daemon.diagnose import recording as recordings
 from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, ROAD, SENSORS, Effect, Motion, Parameter, vocabulary
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, felt_road, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
@@ -150,7 +151,7 @@ def test_a_felt_road_is_the_integral_of_what_the_gyros_have_left() -> None:
     climb = np.clip((T - 5.0) / 10.0, 0.0, 1.0) * 0.1
     one = drive(np.full(N, 20.0))
     one.measured[:, 1] = -np.gradient(climb, DT_S)
-    road = felt_road(one, nothing(), ("road_grade",))
+    road = Felt(one, nothing(), ("road_grade",))(nothing())
     # But for its corners, which are rounder than a road's.
     np.testing.assert_allclose(road.grade_rad, climb, atol=1e-3)
     np.testing.assert_allclose(road.grade_rad[600:1400], climb[600:1400], atol=2e-4)
@@ -252,7 +253,7 @@ def test_wind_is_found_from_what_the_accelerometer_has_left() -> None:
     one = drive(np.full(N, 20.0))
     gust = 800.0 * np.exp(-0.5 * ((T - 15.0) / 0.8) ** 2)
     one.measured[:] = predicted(one, nothing(), flat(N)._replace(side_n=gust))
-    found = felt_road(one, nothing(), ("side_wind",)).side_n
+    found = Felt(one, nothing(), ("side_wind",))(nothing()).side_n
     np.testing.assert_allclose(found, gust, atol=40.0)
 
 

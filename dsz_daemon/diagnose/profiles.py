@@ -1,0 +1,82 @@
+"""The road and the air over time, by what the sensors have left over: profiles that no formula gives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.signal import firwin
+
+from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
+from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, predicted
+from dsz_daemon.diagnose.recording import DT_S, filtered
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+_ACROSS = 4
+# A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
+# All of a road passes that bends up and down within two seconds.
+_ROAD_KERNEL = np.asarray(firwin(201, 1.5, fs=1.0 / DT_S), dtype=np.float64)
+# A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
+_WIND_ROUNDS = 15
+_TILTS = ("road_bank", "road_grade")
+
+
+class Felt:
+    """What is felt of road and air when these effects are in the model, from parameters `start` on.
+
+    The wind is that of `start`. The road is felt anew for any parameters, since what turns the gyros' axes or scales
+    them makes another road of the same readings; constant offsets stay those of `start`: corrections are the knots'.
+    """
+
+    def __init__(self, drive: Drive, start: Floats, effects: tuple[str, ...]) -> None:
+        self._drive, self._start, self._effects = drive, start, effects
+        self.is_tilted = bool(set(_TILTS) & set(effects))
+        self._first = self._tilted(flat(len(drive.steer)), start)
+        if "side_wind" in effects:
+            self._first = _with_wind(drive, start, self._first)
+
+    def __call__(self, x: Floats) -> Profiles:
+        """The road and the air for these parameters."""
+        return self._tilted(self._first, x)
+
+    def _tilted(self, road: Profiles, x: Floats) -> Profiles:
+        if not self.is_tilted:
+            return road
+        alone = x.copy()
+        alone[: len(OFFSETS)] = self._start[: len(OFFSETS)]
+        for name in _TILTS:
+            first = INDEX[f"{name}.knot_0"]
+            alone[first : first + KNOTS] = 0.0
+        return _with_tilt(self._drive, alone, road, *(name in self._effects for name in _TILTS))
+
+
+def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: bool) -> Profiles:
+    """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down."""
+    level = flat(len(drive.steer))._replace(side_n=road.side_n)
+    left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
+    yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
+    bank, slope = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
+    return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
+
+
+def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
+    """The side force that the lateral accelerometer has left over, of which the tyres' answer is taken away again."""
+    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    for _ in range(_WIND_ROUNDS):
+        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
+        road = road._replace(side_n=road.side_n + drive.car.mass_kg * np.where(rolling, left_mps2, 0.0))
+    return road
+
+
+@compiled
+def _integrated(p: Floats, q: Floats, r: Floats, banks: bool, climbs: bool) -> tuple[Floats, Floats]:
+    bank, slope = np.zeros(len(p)), np.zeros(len(p))
+    for i in range(1, len(p)):
+        if banks:
+            bank[i] = bank[i - 1] + DT_S * (0.5 * (p[i] + p[i - 1]) + r[i] * slope[i - 1])
+        if climbs:
+            slope[i] = slope[i - 1] + DT_S * (0.5 * (q[i] + q[i - 1]) - r[i] * bank[i - 1])
+    return bank, slope
