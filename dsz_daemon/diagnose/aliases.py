@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from dsz_daemon.diagnose.effects import NAMELESS
 from dsz_daemon.diagnose.search import Search, Step
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
@@ -13,6 +14,7 @@ from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 _ALIKE, _ALIKE_SHARE = 3.0, 0.02
 # No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
+_NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # An accelerometer's offset that is no more is what data sheets have.
 _MUCH_MPS2 = 0.3
 
@@ -28,6 +30,7 @@ def alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str, 
     group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
     if effect in SAME_TURN:
         group += sorted(SAME_TURN - {effect, *group})
+    group = [name for name in group if name not in _NAMELESS]
     weights = {name: math.exp(min(step.gain - top, 50.0)) for name, step in steps.items()}
     total = sum(weights.values())
     return group, [

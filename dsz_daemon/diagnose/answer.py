@@ -13,7 +13,8 @@ from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import SameAsOffset, alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import floors
-from dsz_daemon.diagnose.effects import INDEX, TOLERATED
+from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
@@ -22,7 +23,7 @@ from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.search import Search, values_of
-from dsz_daemon.diagnose.unlisted import Shape, unlisted
+from dsz_daemon.diagnose.unlisted import Coefficient, Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
@@ -30,6 +31,7 @@ _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 _STIFFNESS_SHARE = 0.05
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
+_NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
 # Of a moment: so uncertain that no spread is stated.
@@ -115,10 +117,12 @@ class Diagnosis(NamedTuple):
 def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
     """What is said of a search, after the faults that were mended before it."""
     errors = _parameter_errors(found)
-    causes = [cause for effect in found.best.effects if (cause := _cause(found, effect)) is not None]
+    nameless = {*_NAMELESS, *(shape.effect.name for shape in found.shapes)}
+    named = [effect for effect in found.best.effects if effect not in nameless]
+    causes = [cause for effect in named if (cause := _cause(found, effect)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
-    shapes = unlisted(found.drive, found.rows, found.best)
+    shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
     level = _level(found)
     unexplained = [name for name, value in level.items() if value > UNEXPLAINED]
     said = causes or errors or shapes or unexplained
@@ -135,6 +139,20 @@ def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
         {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in offsets.items()},
         same_as_offsets({name: v for name, (v, _) in offsets.items()}),
     )
+
+
+def _wheel_shapes(found: Search) -> list[Shape]:
+    """What wheels show that grows with the square of their speed, beyond what all of them do: that hardly shows."""
+    least = {p.name: p.least for p in found.drive.vocabulary.described("wheel_square").parameters}
+    values = values_of(found.drive, found.best, "wheel_square")
+    if not values:
+        return []
+    common = float(np.median([value for value, _ in values.values()]))
+    return [
+        Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value - common, std, "(m/s)/(m2/s2)"), 1.0)
+        for wheel, (value, std) in values.items()
+        if abs(value - common) > max(least[wheel], _TOLERATED_SPREADS * std)
+    ]
 
 
 def _offsets(found: Search) -> dict[str, tuple[float, float]]:
@@ -275,7 +293,7 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
 def _parameter_errors(found: Search) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = "cornering_stiffness" in found.best.effects
-    least = max(searching.LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
+    least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
     if not beyond and searching.tolerance_gain(found) < least:
         return []
     values = values_of(found.drive, found.best, "")
@@ -335,7 +353,8 @@ def _unit(channel: str) -> str:
 def _untested(found: Search) -> list[dict[str, str]]:
     """Effects of which a plain size would have shown by less than what is asked of a cause."""
     words = found.drive.vocabulary
-    rows = [e for e in words.effects if e.name not in found.best.effects and e.name not in searching.NEVER_SCREENED]
+    known = {*found.best.effects, *searching.NEVER_SCREENED, *_NAMELESS}
+    rows = [e for e in words.effects if e.name not in known]
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
     slopes = searching.slopes_of(found, columns)
     heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
@@ -344,7 +363,7 @@ def _untested(found: Search) -> list[dict[str, str]]:
     for effect in rows:
         own = [columns.index(i) for i in words.columns_of(effect.name)]
         shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
-        if max(shown) < searching.LEAST_GAIN:
+        if max(shown) < LEAST_GAIN:
             name = words.columns[columns[own[int(np.argmax(shown))]]][1]
             why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
             untested.append({"effect": effect.name, "why": why})

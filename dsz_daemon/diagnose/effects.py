@@ -294,6 +294,17 @@ EFFECTS: tuple[Effect, ...] = (
     ),
 )
 
+# What may be there, and has no name: it is told as a shape. A wheel's speed that is off by more the faster it turns.
+NAMELESS = (
+    Effect(
+        "wheel_square",
+        "Wheel speeds are off by {fl:.1e}, {fr:.1e}, {rl:.1e}, {rr:.1e} of their squares (front left to rear right)",
+        "reading = omega r + k v^2",
+        WHEELS,
+        _even("fl fr rl rr", "s/m", 3e-4, 0.02, 2e-5),
+    ),
+)
+
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
 GUESSED = ("sensor_saturation", "low_friction")
 
@@ -368,7 +379,7 @@ def vocabulary(own: tuple[Effect, ...] = ()) -> Vocabulary:
     for effect in own:
         if effect.shows is None:
             raise ValueError(f"effect {effect.name!r} shows nothing; expected a function of the motion in `shows`")
-    effects = (*EFFECTS, *ROAD, *own)
+    effects = (*EFFECTS, *ROAD, *NAMELESS, *own)
     names = [effect.name for effect in effects]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -12,6 +12,8 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.comparison import FOLDS, Bools, Ints, Rows
 from dsz_daemon.diagnose.prediction import Floats
 
+# In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
+LEAST_GAIN = 10.0
 _CORRELATED_FOR_ROWS = 250
 
 

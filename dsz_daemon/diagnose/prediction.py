@@ -32,6 +32,7 @@ CHANNELS = (
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
+_PULL_KERNEL = filter_kernel(0.1)
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -128,6 +129,7 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 class Moving(NamedTuple):
     """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
 
+    `squares` (4,), s/m: what each wheel shows more, over the square of its speed.
     `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
     """
 
@@ -136,6 +138,7 @@ class Moving(NamedTuple):
     v_rate: Floats
     slips: Floats
     radii: Floats
+    squares: Floats
     cg_to_front_axle_m: float
     imu_ahead_m: float
     tracks_m: tuple[float, float]
@@ -163,11 +166,14 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
-    rolled_mps = earlier(drive.wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
+    squares = np.array([at(f"wheel_square.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
+    wheels = drive.wheels - squares * drive.wheels**2 if squares.any() else drive.wheels
+    rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
     v = rolled_mps * _of_the_front(car, steer, rolled_mps) if drive.front_gives_speed else rolled_mps
     slips = np.zeros((len(v), 4))
     if at("wheel_slip.slip_per_force") != 0.0:
-        pull_mps2 = np.gradient(v, DT_S) + G * road.grade_rad
+        # A speed that is differentiated for its slip is differentiated again for its acceleration: less noise first.
+        pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
         slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
         v = v / (1.0 + slips[:, own.start])
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
@@ -207,7 +213,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         v_rate = np.gradient(v, DT_S)
         m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m")))
-    return Moving(m, v, v_rate, slips, radii, lf, -shift, tracks_m, road)
+    return Moving(m, v, v_rate, slips, radii, squares, lf, -shift, tracks_m, road)
 
 
 def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
@@ -228,6 +234,8 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     delay_s = float(x[INDEX["wheel_speed_delay.delay_s"]])
     wheels = rolled(moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, *moving.tracks_m)
     wheels /= moving.radii
+    if moving.squares.any():
+        wheels += moving.squares * wheels**2
     if delay_s != 0.0:
         wheels = np.column_stack([earlier(wheels[:, i], -delay_s) for i in range(4)])
     own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))

@@ -15,24 +15,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, sensitivities
-from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED
-from dsz_daemon.diagnose.evidence import gain, held_out, sums
+from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
+from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
 from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
 # `map`, or one that works side by side.
 Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
-# In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
-LEAST_GAIN = 10.0
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
-_SHARE_OF_ALL = 0.03
+_SHARE_OF_ALL = 0.015
 _TRIED = 7
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
@@ -41,8 +40,13 @@ _RIVALS = 0.5
 _MOST_EFFECTS = 6
 # An effect that had to go may come back; not for ever.
 _MOST_STEPS = 12
+# What has no name has to explain so much more than what has one.
+_SURELY = 1.05
+# What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
+_DENIED = -0.2
 # Moments are moved and all is fitted again, until they stay where they are.
 _MOST_MOVES, _SETTLED_S = 4, 0.2
+_RARE = {*GUESSED, "tyre_saturation"}
 NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
 
 
@@ -57,7 +61,8 @@ class Step(NamedTuple):
 class Search(NamedTuple):
     """The nominal refit, the model at the end, and the rivals of each effect at the time it was chosen.
 
-    `elsewhere`: what each gains on whole manoeuvres and recordings that its fit has not seen.
+    `elsewhere`: what each gains on whole manoeuvres and recordings that its fit has not seen. `shapes` explained more
+    than any name did, and are in the drive's prediction.
     """
 
     drive: Drive
@@ -67,6 +72,7 @@ class Search(NamedTuple):
     rivals: Mapping[str, tuple[Step, ...]]
     gains: Mapping[str, float]
     elsewhere: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+    shapes: tuple[Found, ...] = ()
 
 
 def searched(
@@ -83,6 +89,7 @@ def searched(
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
+    shapes: list[Found] = []
     for _ in range(_MOST_STEPS):
         if len(best.effects) == _MOST_EFFECTS:
             break
@@ -90,6 +97,16 @@ def searched(
         fit_one, starts = _Trial(drive, rows, best, tolerance), _starts(drive, rows, best, tolerance)
         tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
         tried = _ranked(drive, best, tried)
+        shape = best_shape(drive, rows, best)
+        if shape is not None and shape.gain > _SURELY * max((step.gain for step in tried), default=0.0):
+            say(f"{shape.channel} has a shape without a name: {shape.shape}")
+            name = shape.effect.name
+            shapes.append(shape)
+            gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
+            drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
+            nominal = nominal._replace(x=np.append(nominal.x, 0.0))
+            best = fitted(drive, rows, np.append(best.x, shape.value), (*best.effects, name), tolerance)
+            continue
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break
         elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
@@ -97,7 +114,9 @@ def searched(
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains)
         gains = {effect: gains[effect] for effect in best.effects}
-    return Search(drive, rows, nominal, best, {effect: rivals[effect] for effect in best.effects}, gains, elsewhere)
+    rivals = {effect: rivals[effect] for effect in best.effects}
+    shapes = [shape for shape in shapes if shape.effect.name in best.effects]
+    return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
 
 
 def _starts(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[tuple[str, Floats]]:
@@ -129,7 +148,15 @@ class _Trial:
                     break
         if _is_implausible(self.drive, fit, effect):
             return Step(effect, -math.inf, fit)
-        return Step(effect, gained(self.drive, self.best, fit), fit)
+        gain = gained(self.drive, self.best, fit)
+        # What is there for a while, or at the limit only, is in few of the manoeuvres.
+        if effect not in _RARE and gain > LEAST_GAIN and self._elsewhere(fit) < _DENIED * gain:
+            return Step(effect, -math.inf, fit)
+        return Step(effect, gain, fit)
+
+    def _elsewhere(self, fit: Fit) -> float:
+        gains = [gained(self.drive, self.best, fit, kind=kind) for kind in self.rows.together]
+        return min(gains, default=0.0)
 
 
 def _is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -6,21 +6,27 @@ the shape's. A shape is said only if it beats, on unseen blocks, what every name
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, floors
+from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
+from dsz_daemon.diagnose.evidence import LEAST_GAIN, correlated_rows
 from dsz_daemon.diagnose.fit import Fit
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
-from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.search import LEAST_GAIN
+from dsz_daemon.diagnose.motion import AY, R
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
+from dsz_daemon.diagnose.recording import filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS
 
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
 LEAST_SHARE = 0.05
 _LEAST_LEVEL = 1.25
+_LEAST_ROWS = 500
+# The best of some eighty shapes and channels is so good by chance, and a parameter more has to be paid for.
+_CHOSEN_OF_MANY = math.log(80.0) + 3.0
 
 
 class Coefficient(NamedTuple):
@@ -40,16 +46,24 @@ class Shape(NamedTuple):
     share: float
 
 
-def library(drive: Drive, rows: Rows) -> dict[str, tuple[Floats, str]]:
-    """Products of recorded motion (k,) with their units.
+class Found(NamedTuple):
+    """A shape that has no name, as a row of the vocabulary, and what it gains on unseen blocks, in log likelihood."""
+
+    effect: Effect
+    channel: str
+    shape: str
+    share: float
+    gain: float
+    value: float
+
+
+def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
+    """Products of the simulated motion (n,) with their units: what a sensor shows wrongly is not in them.
 
     None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness).
     """
-    measured = np.nan_to_num(drive.measured[rows.at])
-    v = np.mean(drive.wheels, axis=1)[rows.at]
-    v_rate = np.gradient(np.mean(drive.wheels, axis=1), DT_S)[rows.at]
-    r, steer = measured[:, 2], drive.steer[rows.at]
-    side = r * v
+    v, v_rate = moving.v_mps, filtered(moving.v_rate, filter_kernel())
+    r, side = moving.moved[:, R], moving.moved[:, AY]
     shapes: dict[str, tuple[Floats, str]] = {
         "vx": (v, "m/s"),
         "vx^2": (v * v, "m2/s2"),
@@ -69,35 +83,75 @@ def library(drive: Drive, rows: Rows) -> dict[str, tuple[Floats, str]]:
     return shapes
 
 
-def unlisted(drive: Drive, rows: Rows, fit: Fit) -> list[Shape]:
-    """The best shape of each IMU channel in which structure is left; none where there is none."""
-    shapes, floor = library(drive, rows), np.nan_to_num(floors(drive))
-    found = []
+def best_shape(drive: Drive, rows: Rows, fit: Fit) -> Found | None:
+    """The shape that explains most of what is left of an IMU channel that has none yet; None without structure."""
+    known = {effect.partition(":")[0] for effect in fit.effects}
+    found = [
+        shape
+        for c, channel in enumerate(CHANNELS[:6])
+        if channel not in known and (shape := _shape_of(drive, rows, fit, c)) is not None
+    ]
+    return max(found, key=lambda shape: shape.gain) if found else None
+
+
+def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) -> list[Shape]:
+    """The shapes that are in the model, and the best one of each other channel in which structure is left."""
+    shapes = []
+    for found in there:
+        [i] = drive.vocabulary.columns_of(found.effect.name)
+        value, std = float(fit.x[i]), float(fit.std[fit.columns.index(i)])
+        coefficient = Coefficient(value, std, found.effect.parameters[0].unit)
+        shapes.append(Shape(found.channel, found.shape, coefficient, found.share))
+    known = {found.channel for found in there}
     for c, channel in enumerate(CHANNELS[:6]):
-        used = rows.used[:, c]
-        if np.count_nonzero(used) < 500:
+        left = None if channel in known else _shape_of(drive, rows, fit, c)
+        if left is not None:
+            std = abs(left.value) / math.sqrt(2.0 * left.gain)
+            coefficient = Coefficient(left.value, std, left.effect.parameters[0].unit)
+            shapes.append(Shape(channel, left.shape, coefficient, left.share))
+    return shapes
+
+
+def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
+    used = rows.used[:, c]
+    floor = float(np.nan_to_num(floors(drive))[c])
+    if np.count_nonzero(used) < _LEAST_ROWS:
+        return None
+    left, block = fit.left[used, c], rows.block[used]
+    if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(floor, fit.form[c])):
+        return None
+    coarse = len(left) * fit.form[c] ** 2
+    before = _unseen([np.ones(len(left))], left, block) + coarse
+    best: Found | None = None
+    for name, (values, unit) in library(driven(drive, fit.x, fit.road), drive.steer).items():
+        mine = values[rows.at][used]
+        columns = [np.ones(len(left)), mine]
+        after = _unseen(columns, left, block) + coarse
+        share = 1.0 - after / before
+        if share < LEAST_SHARE:
             continue
-        left, block = fit.left[used, c], rows.block[used]
-        if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(floor[c], fit.form[c])):
-            continue
-        coarse = len(left) * fit.form[c] ** 2
-        before = _unseen([np.ones(len(left))], left, block) + coarse
-        best: Shape | None = None
-        most = 0.0
-        for name, (values, unit) in shapes.items():
-            columns = [np.ones(len(left)), values[used]]
-            after = _unseen(columns, left, block) + coarse
-            gained = 0.5 * len(left) / fit.per_row[c] * float(np.log(before / after))
-            share = 1.0 - after / before
-            if gained > max(most, LEAST_GAIN) and share > LEAST_SHARE:
-                value, std = _coefficient(columns, left, fit.per_row[c])
-                most, best = (
-                    gained,
-                    Shape(channel, f"k*{name}", Coefficient(value, std, f"({_unit(c)})/({unit})"), share),
-                )
-        if best is not None:
-            found.append(best)
-    return found
+        # As of named effects: what hangs together in what the larger model leaves counts once.
+        whole = np.zeros((len(rows.at), 1))
+        step = np.linalg.lstsq(np.column_stack(columns), left, rcond=None)[0]
+        whole[used, 0] = left - np.column_stack(columns) @ step
+        per_row = float(correlated_rows(whole, used[:, np.newaxis])[0])
+        gain = 0.5 * len(left) / per_row * float(np.log(before / after)) - _CHOSEN_OF_MANY
+        if gain > max(LEAST_GAIN, best.gain if best is not None else 0.0):
+            effect = _effect(CHANNELS[c], name, values - float(np.mean(mine)), f"({_unit(c)})/({unit})", abs(step[1]))
+            best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]))
+    return best
+
+
+def _effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
+    """The shape as what may have been left out; `course` (n,) of size `size`."""
+    return Effect(
+        name=f"{channel}: k*{shape}",
+        words=f"{channel} shows {{k:.3g}} {shape} more",
+        equation=f"reading += k {shape}",
+        touches=SENSORS,
+        parameters=(Parameter("k", unit, 0.3 * size, -100.0 * size, 100.0 * size, 0.0),),
+        shows=lambda _, values: {channel: values["k"] * course},
+    )
 
 
 def _unit(c: int) -> str:
@@ -114,10 +168,3 @@ def _unseen(columns: Sequence[Floats], left: Floats, block: Ints) -> float:
         step = np.linalg.lstsq(table[~unseen], left[~unseen], rcond=None)[0]
         total += float(np.sum((left[unseen] - table[unseen] @ step) ** 2))
     return max(total, 1e-30)
-
-
-def _coefficient(columns: Sequence[Floats], left: Floats, per_row: float) -> tuple[float, float]:
-    table = np.column_stack(columns)
-    step = np.linalg.lstsq(table, left, rcond=None)[0]
-    scatter = float(np.mean((left - table @ step) ** 2)) * per_row
-    return float(step[1]), float(np.sqrt(scatter * np.linalg.pinv(table.T @ table)[1, 1]))

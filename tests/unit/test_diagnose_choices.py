@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
@@ -18,7 +20,7 @@ from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
-from dsz_daemon.diagnose.search import Search, searched
+from dsz_daemon.diagnose.search import Search, _Trial, gained, searched
 
 N = 6000
 T = DT_S * np.arange(N)
@@ -229,3 +231,49 @@ def test_what_splits_explanations_is_driven_next() -> None:
     assert "brak" in words
     x[INDEX["steering_ratio.scale"]] = 0.1
     assert next_manoeuvre(one, x, "steering_ratio", ["cornering_stiffness"]) is not None
+
+
+def test_a_shape_that_explains_more_than_any_name_is_told_without_one() -> None:
+    """A yaw rate with a_y^3 in it is better explained by that than by a scale; what else there is is found."""
+    across = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, 4]
+
+    def trailer(one: Drive) -> None:
+        one.measured[:, 2] += 1e-4 * across**3
+
+    search = found(drive({"accel_scale.y": 0.05}, CITY_V, CITY_STEER, change=trailer))
+    said = answered(search)
+    assert [cause.effect for cause in said.causes] == ["accel_scale"]
+    [shape] = said.unlisted
+    assert (shape.channel, shape.shape) == ("gyro_z", "k*ay^3")
+    assert shape.coefficient.value == pytest.approx(1e-4, rel=0.1)
+    assert shape.coefficient.unit == "(rad/s)/(m3/s6)"
+    assert said.verdict == "partly_explained"
+
+
+def test_a_wheel_that_shows_the_square_of_its_speed_too_has_no_name() -> None:
+    def magnet(one: Drive) -> None:
+        one.wheels[:, 2] += 1e-3 * one.wheels[:, 2] ** 2
+        one.measured[:, 8] -= 1e-3 * CITY_V**2
+
+    one = drive({}, CITY_V, CITY_STEER, change=magnet)
+    said = answered(found(one))
+    assert said.causes == []
+    [shape] = said.unlisted
+    assert (shape.channel, shape.shape) == ("wheel_speed_rl", "k*vx^2")
+    assert shape.coefficient.value == pytest.approx(1e-3, rel=0.05)
+
+
+def test_what_other_manoeuvres_deny_is_not_named() -> None:
+    """Turned by 2 % more in hard bends and by 2 % less in gentle ones is no scale error."""
+    v, steer = np.full(N, 12.0), 0.05 * np.sin(0.5 * T) * (np.sin(0.2 * T) > 0.0) + 0.012 * np.sin(0.5 * T)
+    across = np.abs(predicted(drive({}, v, steer), nothing(), flat(N))[:, 4])
+
+    def odd(one: Drive) -> None:
+        one.measured[:, 2] *= np.where(across > 1.5, 1.08, 0.88)
+
+    one = drive({}, v, steer, change=odd)
+    trial = _Trial(one, rows_of(one), fitted(one, rows_of(one), nothing(), (), TOLERANCE), TOLERANCE)
+    step = trial(("gyro_scale", nothing()))
+    assert gained(one, trial.best, step.fit) > 15.0
+    assert gained(one, trial.best, step.fit, kind="manoeuvres") < -15.0
+    assert step.gain == -np.inf
