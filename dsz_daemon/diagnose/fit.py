@@ -10,7 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED, Parameter
+from dsz_daemon.diagnose.effects import (
+    BUILT_IN,
+    COLUMNS,
+    FORM,
+    GUESSED,
+    INDEX,
+    NUISANCES,
+    OFFSETS,
+    TOLERATED,
+    Parameter,
+)
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
@@ -27,6 +37,7 @@ _OF_ITSELF = 0.02
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {"cornering_stiffness": _TOLERATED[:2], "steering_delay": (INDEX["steering_skew_s"],)}
+DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
 _ROUNDS = 12
@@ -78,8 +89,13 @@ def fitted(
     start: Floats,
     effects: tuple[str, ...],
     tolerance: Mapping[str, float],
+    settled: float = 1e-3,
 ) -> Fit:
-    """Gauss-Newton in the box to convergence, over offsets, stiffnesses and the effects' parameters."""
+    """Gauss-Newton in the box, over offsets, stiffnesses and the effects' parameters.
+
+    Until a step takes no more than this share off what is left. What candidates are compared with has to be settled
+    better than these: else they gain what it has left undone.
+    """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     first = [i for i in nuisances(tolerance) if i not in hidden]
@@ -122,16 +138,17 @@ def fitted(
         gone = before - loss_of(trial_left, rows, scatter)
         x, road, base, left = trial, trial_road, trial_base, trial_left
         new = robust_std(rows, left, floor)
-        settled = gone < 1e-3 * before + 0.5 and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
+        quiet = gone < settled * (before + 500.0) and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
         scatter = new
-        if settled:
+        if quiet:
             break
     slopes = sensitivities(drive, rows, x, road, base, columns, felt if felt.is_tilted else None)
     found = sums(rows, left, slopes, scatter)
     per_row = correlated_rows(left, rows.used)
     box = box_of(words.columns, x, columns, tolerance)
-    # When a stretch begins and ends is told by the moments around, which some fold has not seen.
-    lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS]
+    # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
+    # is not what is judged.
+    lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]
     unseen = held_out(found, lasting, box) * scatter**2
     together = {name: held_out(found, lasting, box, kind) * scatter**2 for name, kind in rows.together.items()}
     form = _form(drive, rows, x, effects, base)

@@ -17,7 +17,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
-from dsz_daemon.diagnose.fit import MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
+from dsz_daemon.diagnose.fit import DRAWN, MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
@@ -40,6 +40,8 @@ _RIVALS = 0.5
 _MOST_EFFECTS = 6
 # An effect that had to go may come back; not for ever.
 _MOST_STEPS = 12
+# So little may a step still take off what is left of a model that others are compared with.
+_WELL = 2e-5
 # What has no name has to explain so much more than what has one.
 _SURELY = 1.05
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
@@ -85,7 +87,7 @@ def searched(
     """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
-    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance)
+    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
@@ -111,6 +113,8 @@ def searched(
             break
         elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
+        if not best.road.bank_rad.any() and not best.road.grade_rad.any():
+            best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL)
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains)
         gains = {effect: gains[effect] for effect in best.effects}
@@ -280,7 +284,7 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
     found = sums(rows, best.left, slopes, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}
-    own = [place[i] for i in best.columns]
+    own = [place[i] for i in best.columns if i not in DRAWN]
     before = held_out(found, own, box) * best.scatter**2
     scored = []
     for effect in words.effects:

@@ -87,8 +87,9 @@ def signals_and_car(folder: Path, *effects: str) -> tuple[dict[str, Signal], Car
 
 def lifted(signals: dict[str, Signal], k: float) -> dict[str, Signal]:
     """As if the vertical accelerometer read k v^3 more: rectified vibration, for which there is no name."""
-    wheel, accel = signals["wheel_speed_rl"], signals["accel_z"]
-    speed = np.interp(accel.t_ns, wheel.t_ns, wheel.values)
+    accel = signals["accel_z"]
+    rear = [signals[f"wheel_speed_{wheel}"] for wheel in ("rl", "rr")]
+    speed = np.mean([np.interp(accel.t_ns, wheel.t_ns, wheel.values) for wheel in rear], axis=0)
     return signals | {"accel_z": accel._replace(values=accel.values + k * speed**3)}
 
 
