@@ -16,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.answer import Diagnosis, answered
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
 from dsz_daemon.diagnose.comparison import SLOW_MPS, driven_s, rows_of
 from dsz_daemon.diagnose.effects import CAR, SENSORS, Effect, Motion, Parameter, vocabulary
 from dsz_daemon.diagnose.prediction import CHANNELS, against, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
+from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.diagnose.search import Each, Search, searched
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
-from dsz_daemon.diagnose.aliases import SameAsOffset, alternatives, same_as_offsets
+from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import floors
+from dsz_daemon.diagnose.comparison import Ints, floors
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.locate import Place, channel_names, located
+from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.prediction import CHANNELS, Floats, driven, on_road, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
 from dsz_daemon.diagnose.search import Search, values_of
 from dsz_daemon.diagnose.unlisted import Coefficient, Shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
@@ -42,76 +42,6 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
     ("cornering_stiffness", "front_scale"),
     ("cornering_stiffness", "rear_scale"),
 }
-
-
-class Value(NamedTuple):
-    """A number with its spread (one standard deviation; None: not a fitted one)."""
-
-    value: float | str
-    std: float | None
-    unit: str
-
-
-class Cause(NamedTuple):
-    """One effect that earns its place on unseen data; `gain` in log likelihood, `probability` of its alias group.
-
-    `elsewhere`: what it gains where whole manoeuvres, or recordings, are unseen.
-    """
-
-    effect: str
-    probability: float
-    statement: str
-    parameters: dict[str, Value]
-    equation: str
-    gain: float
-    elsewhere: dict[str, float]
-    indistinguishable_from: list[str]
-    alternatives: list[dict[str, float | str]]
-    next_manoeuvre: str | None
-
-
-class ParameterError(NamedTuple):
-    """A configured parameter that fits better otherwise, SI."""
-
-    parameter: str
-    configured: float
-    fitted: float
-    std: float
-
-
-class Sides(NamedTuple):
-    """RMS with the nominal simulation, and with the causes in it."""
-
-    before: float
-    after: float
-
-
-class ChannelFit(NamedTuple):
-    """How well one channel fits, on rows that the fit has seen and on those that it has not.
-
-    `flexible`: what a model that fits nearly anything would leave on unseen rows (see `flexible.py`); None without it.
-    """
-
-    train: Sides
-    held_out: Sides
-    noise_floor: float
-    flexible: float | None
-    unit: str
-
-
-class Diagnosis(NamedTuple):
-    """All that is said of one recording; `level` is what is left over what may be, per channel."""
-
-    verdict: str
-    located: list[Place]
-    causes: list[Cause]
-    parameter_errors: list[ParameterError]
-    unlisted: list[Shape]
-    fit: dict[str, ChannelFit]
-    level: dict[str, float]
-    could_not_test: list[dict[str, str]]
-    offsets: dict[str, Value]
-    same_as_offsets: list[SameAsOffset]
 
 
 def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
@@ -157,7 +87,12 @@ def _wheel_shapes(found: Search) -> list[Shape]:
 
 def _offsets(found: Search) -> dict[str, tuple[float, float]]:
     values = values_of(found.drive, found.best, "")
-    return {name: value for name, value in values.items() if name.startswith("offset_")}
+    offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
+    bank, grade = _told_road(found)[1]
+    for name, tilt_rad in (("offset_accel_x", grade), ("offset_accel_y", bank)):
+        value, std = offsets[name]
+        offsets[name] = (value + motion.G * tilt_rad, std)
+    return offsets
 
 
 def _verdict(explained: bool, left: bool) -> str:
@@ -233,7 +168,7 @@ def _fault(fault: AxisFault) -> Cause:
 
 def _values(found: Search, effect: str) -> Told:
     """(value, spread) of an effect's parameters; of a profile its rms over what was driven."""
-    profiles = on_road(found.best.road, found.best.x)
+    profiles = _told_road(found)[0]
     profile = {
         "road_bank": ("rms_rad", profiles.bank_rad),
         "road_grade": ("rms_rad", profiles.grade_rad),
@@ -247,9 +182,22 @@ def _values(found: Search, effect: str) -> Told:
         values["inverse_square"] = (square, math.hypot((std or 0.0) / mean**2, 2.0 * square * spread / mean))
     if profile is None:
         return values
-    driven = np.unique(found.rows.at[found.rows.used.any(axis=1)])
     name, course = profile
-    return {name: (float(np.sqrt(np.mean(course[driven] ** 2))), None)}
+    return {name: (float(np.sqrt(np.mean(course[_driven(found)] ** 2))), None)}
+
+
+def _driven(found: Search) -> Ints:
+    return np.unique(found.rows.at[found.rows.used.any(axis=1)])
+
+
+def _told_road(found: Search) -> tuple[Profiles, tuple[float, float]]:
+    """The road of the best model, and how much bank and grade (rad) were taken off it for being the same all the way.
+
+    A road that tilts evenly is the same as an offset of its accelerometer: it is told as one.
+    """
+    road, at = on_road(found.best.road, found.best.x), _driven(found)
+    bank, grade = float(np.mean(road.bank_rad[at])), float(np.mean(road.grade_rad[at]))
+    return road._replace(bank_rad=road.bank_rad - bank, grade_rad=road.grade_rad - grade), (bank, grade)
 
 
 def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
@@ -373,7 +321,7 @@ def _untested(found: Search) -> list[dict[str, str]]:
 def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
     """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
     drive, best = found.drive, found.best
-    road = on_road(best.road, best.x)
+    road = _told_road(found)[0]
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
     columns: dict[str, Floats] = {"time_s": np.asarray(first_s + drive.recording.time_s)}

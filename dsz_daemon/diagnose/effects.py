@@ -101,14 +101,14 @@ EFFECTS: tuple[Effect, ...] = (
         "The gyros' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
         "reading = (1 + k) rate",
         SENSORS,
-        _even("x y z", "1", 0.03, 0.4, 0.003),
+        _even("x y z", "1", 0.03, 0.25, 0.003),
     ),
     Effect(
         "accel_scale",
         "The accelerometers' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
         "reading = (1 + k) force",
         SENSORS,
-        _even("x y z", "1", 0.03, 0.4, 0.003),
+        _even("x y z", "1", 0.03, 0.25, 0.003),
     ),
     Effect(
         "gyro_cross_axis",

@@ -7,7 +7,7 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -92,11 +92,13 @@ def searched(
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
     shapes: list[Found] = []
+    refused: set[str] = set()
     for _ in range(_MOST_STEPS):
         if len(best.effects) == _MOST_EFFECTS:
             break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         fit_one, starts = _Trial(drive, rows, best, tolerance), _starts(drive, rows, best, tolerance)
+        starts = [start for start in starts if start[0] not in refused]
         tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
         tried = _ranked(drive, best, tried)
         shape = best_shape(drive, rows, best)
@@ -117,6 +119,11 @@ def searched(
             best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL)
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains)
+        # Beside others an effect may want to be what it can't be: then it was something else.
+        wrong = {effect for effect in best.effects if _is_implausible(drive, best, effect)}
+        if wrong:
+            refused |= wrong
+            best = _without(drive, rows, best, tolerance, wrong)
         gains = {effect: gains[effect] for effect in best.effects}
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
@@ -297,6 +304,14 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
     return [name for value, name in sorted(scored, reverse=True) if value > 0.5 * LEAST_GAIN]
 
 
+def _without(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str]) -> Fit:
+    start = best.x.copy()
+    for effect in effects:
+        start[list(drive.vocabulary.columns_of(effect))] = 0.0
+    rest = tuple(name for name in best.effects if name not in effects)
+    return fitted(drive, rows, start, rest, tolerance)
+
+
 def _without_idle(
     drive: Drive,
     rows: Rows,
@@ -306,10 +321,7 @@ def _without_idle(
 ) -> Fit:
     """Each earlier effect is tried without: what another explains better has to go."""
     for effect in best.effects[:-1]:
-        rest = tuple(name for name in best.effects if name != effect)
-        start = best.x.copy()
-        start[list(drive.vocabulary.columns_of(effect))] = 0.0
-        smaller = fitted(drive, rows, start, rest, tolerance)
+        smaller = _without(drive, rows, best, tolerance, (effect,))
         gains[effect] = gained(drive, smaller._replace(form=rows.form), best)
         if gains[effect] < LEAST_GAIN:
             best = smaller
