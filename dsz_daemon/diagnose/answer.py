@@ -23,7 +23,7 @@ from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, o
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
 from dsz_daemon.diagnose.search import Search, values_of
-from dsz_daemon.diagnose.unlisted import Coefficient, Shape, unlisted
+from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
@@ -47,8 +47,7 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
 def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
     """What is said of a search, after the faults that were mended before it."""
     errors = _parameter_errors(found)
-    nameless = {*_NAMELESS, *(shape.effect.name for shape in found.shapes)}
-    named = [effect for effect in found.best.effects if effect not in nameless]
+    named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
     causes = [cause for effect in named if (cause := _cause(found, effect)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
@@ -302,7 +301,7 @@ def _untested(found: Search) -> list[dict[str, str]]:
     """Effects of which a plain size would have shown by less than what is asked of a cause."""
     words = found.drive.vocabulary
     known = {*found.best.effects, *searching.NEVER_SCREENED, *_NAMELESS}
-    rows = [e for e in words.effects if e.name not in known]
+    rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
     slopes = searching.slopes_of(found, columns)
     heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)

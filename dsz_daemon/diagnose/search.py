@@ -105,11 +105,15 @@ def searched(
         if shape is not None and shape.gain > _SURELY * max((step.gain for step in tried), default=0.0):
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
-            shapes.append(shape)
             gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
-            drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
-            nominal = nominal._replace(x=np.append(nominal.x, 0.0))
-            best = fitted(drive, rows, np.append(best.x, shape.value), (*best.effects, name), tolerance)
+            start = best.x.copy()
+            # One that had to go may come back.
+            if name not in {effect.name for effect in drive.vocabulary.effects}:
+                shapes.append(shape)
+                drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
+                nominal, start = nominal._replace(x=np.append(nominal.x, 0.0)), np.append(start, 0.0)
+            start[list(drive.vocabulary.columns_of(name))] = shape.value
+            best = fitted(drive, rows, start, (*best.effects, name), tolerance)
             continue
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break

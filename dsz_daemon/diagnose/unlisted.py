@@ -83,6 +83,11 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
     return shapes
 
 
+def is_shape(effect: str) -> bool:
+    """Whether an effect of a search is one of these."""
+    return ": k*" in effect
+
+
 def best_shape(drive: Drive, rows: Rows, fit: Fit) -> Found | None:
     """The shape that explains most of what is left of an IMU channel that has none yet; None without structure."""
     known = {effect.partition(":")[0] for effect in fit.effects}
@@ -145,6 +150,7 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
 def _effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
     """The shape as what may have been left out; `course` (n,) of size `size`."""
     return Effect(
+        # As `is_shape` knows it.
         name=f"{channel}: k*{shape}",
         words=f"{channel} shows {{k:.3g}} {shape} more",
         equation=f"reading += k {shape}",

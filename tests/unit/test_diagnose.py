@@ -140,6 +140,22 @@ def test_a_simulation_of_ones_own_is_what_is_held_against(tmp_path: Path) -> Non
         api.diagnose(signals, car, ratio, simulation={"speed_mps": signals["wheel_speed_fl"]})
 
 
+def test_recordings_of_two_days_are_one_car(tmp_path: Path) -> None:
+    """The night between them is no drive, no memory and no hole; what both have is learnt from either for the other."""
+    simulate("sine_steer", tmp_path, 5, None, ["imu_misalignment"], from_nominal=True)
+    late = []
+    for line in (tmp_path / "recording.log").read_text().splitlines(keepends=True):
+        stamp, rest = line[1:].split(")", 1)
+        late.append(f"({float(stamp) + 86_400.0:.6f}){rest}")
+    (tmp_path / "late.log").write_text("".join(late))
+    found = diagnose([tmp_path / "recording.log", tmp_path / "late.log"], tmp_path / "config.yaml", tmp_path / "out")
+    [cause] = found["causes"]
+    assert cause["effect"] == "imu_misalignment"
+    assert cause["elsewhere"]["recordings"] > 10.0
+    assert len(read_samples(tmp_path / "out/fit.parquet")["time_s"]) < 50_000
+    assert {place["start_s"] > 80_000.0 for place in found["located"]} == {False, True}
+
+
 def test_a_reference_speed_tells_the_common_wheel_factor(tmp_path: Path) -> None:
     """All four wheels 1 % larger than configured: wheels alone can't tell; a measured speed does."""
     signals, car, ratio = signals_and_car(tmp_path, "wheel_radius:fl=1.01,fr=1.01,rl=1.01,rr=1.01")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dsz_daemon.diagnose import aliases, answer
+from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.search import Step
 
 
@@ -115,3 +116,17 @@ def test_a_turned_mount_is_the_same_as_an_offset() -> None:
     assert "+3.75 deg of pitch" in x.statement
     assert "-3.75 deg: on one drive" in x.statement
     assert aliases.same_as_offsets({"offset_accel_x": 0.2, "offset_accel_y": -0.2}) == []
+
+
+def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """reading_x = a_x + g grade: what is the same all the way is taken off the road and put onto the offset."""
+    waves = 0.01 * np.sin(2.0 * np.pi * np.arange(1000) / 250.0)
+    road = flat(1000)._replace(grade_rad=0.05 + waves, bank_rad=-0.02 + waves)
+    rows = SimpleNamespace(at=np.arange(0, 1000, 4), used=np.ones((250, 13), dtype=np.bool_))
+    search: Any = SimpleNamespace(best=SimpleNamespace(road=road, x=nothing()), rows=rows, drive=None)
+    offsets = {"offset_accel_x": (0.1, 0.01), "offset_accel_y": (0.2, 0.01), "mass_kg": (0.0, 0.0)}
+    monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
+    told = answer._offsets(search)
+    assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
+    assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
+    np.testing.assert_allclose(answer._told_road(search)[0].grade_rad, waves, atol=1e-5)

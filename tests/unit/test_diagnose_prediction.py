@@ -9,7 +9,18 @@ import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose import recording as recordings
-from dsz_daemon.diagnose.effects import COLUMNS, EFFECTS, INDEX, ROAD, SENSORS, Effect, Motion, Parameter, vocabulary
+from dsz_daemon.diagnose.effects import (
+    COLUMNS,
+    EFFECTS,
+    INDEX,
+    ROAD,
+    SENSORS,
+    TOLERATED,
+    Effect,
+    Motion,
+    Parameter,
+    vocabulary,
+)
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
@@ -138,6 +149,23 @@ def test_more_ratio_turns_the_wheels_less() -> None:
     """Small angles: the yaw rate is that of a steering angle divided by 1 + k + k1 |hand wheel|."""
     plain = shown(drive(np.full(N, 10.0), np.full(N, 0.05 / (1.0 + 0.1 + 0.02 * 0.05 * RATIO))))[1500, 2]
     assert shown(TURNING, steering_ratio__scale=0.1, steering_ratio__per_rad=0.02)[1500, 2] == pytest.approx(plain)
+
+
+@pytest.mark.parametrize("name", [parameter.name for parameter in TOLERATED if parameter.name != "steering_ratio"])
+def test_a_share_of_a_configured_parameter_is_another_car(name: str) -> None:
+    v, steer = 12.0 + np.sin(T), 0.05 * np.sin(2.0 * T)
+    other = TUCSON._replace(**{name: 1.1 * getattr(TUCSON, name)})
+    wheels = np.tile(v[:, np.newaxis], (1, 4))
+    expected = shown(drive_of(Recording(T, steer, wheels, np.zeros((N, 6)), np.ones(10)), other, RATIO))
+    np.testing.assert_allclose(shown(drive(v, steer), **{name: 0.1}), expected, atol=1e-9)
+    assert np.abs(expected - shown(drive(v, steer))).max() > 1e-4
+
+
+def test_more_ratio_than_configured_turns_the_wheels_less_and_early_steering_is_late() -> None:
+    v, steer = np.full(N, 12.0), 0.05 * np.sin(2.0 * T)
+    np.testing.assert_allclose(shown(drive(v, steer), steering_ratio=0.1), shown(drive(v, steer / 1.1)), atol=1e-9)
+    late = shown(drive(v, steer), steering_delay__delay_s=0.002)
+    np.testing.assert_allclose(shown(drive(v, steer), steering_skew_s=0.002), late, atol=1e-9)
 
 
 def test_drift_grows_from_the_middle() -> None:
