@@ -109,9 +109,10 @@ def test_a_second_that_chance_alone_makes_loud_is_not_located() -> None:
     left = 0.01 * rng.standard_normal((len(rows.at), 13))
     at_s = rows.at * DT_S
     left[(at_s >= 20.0) & (at_s < 22.0), 5] *= 5.0**0.5
+    left[(at_s >= 30.0) & (at_s < 33.0), 3] *= 10.0
     loud = [located(one, rows, left, np.full(13, 0.01), np.full(13, per_row)) for per_row in (1.0, 40.0)]
-    assert [(place.channel, place.start_s, place.end_s) for place in loud[0]] == [("accel_z", 20.0, 22.0)]
-    assert loud[1] == []
+    places = [{(place.channel, place.start_s, place.end_s) for place in found} for found in loud]
+    assert places == [{("accel_x", 30.0, 33.0), ("accel_z", 20.0, 22.0)}, {("accel_x", 30.0, 33.0)}]
 
 
 def test_a_flexible_model_finds_what_has_no_name_and_nothing_in_noise() -> None:
@@ -143,6 +144,8 @@ def test_other_curves_read_another_limit_off_the_same_forces(
     limit, n = min(limits, key=lambda one: float(np.sum((one[0] * ours(*one) - curve(demand)) ** 2)))
     mean, spread = over_shapes(ours(limit, n), n)
     assert abs(limit * mean - 1.0) < 2.0 * limit * spread
+    # The mean over shapes is nearer than the one that was fitted.
+    assert furthest > 0.7 or abs(limit * mean - 1.0) < 0.5 * abs(limit - 1.0)
     assert spread < (0.4 if furthest < 1.5 else 0.15 if furthest < 3.0 else 0.06)
 
 
