@@ -33,7 +33,7 @@ _HOW_TO_READ = (
     "Drag across a chart to zoom all charts over time, shift-drag to pan, double-click to come back; click a legend "
     "entry to hide a line. What is left is drawn where the car drives. Every row is in fit.parquet. "
 )
-_NOMINAL = "the nominal simulation with constant offsets and the best stiffnesses within their tolerance"
+_NOMINAL = "the nominal simulation with constant offsets and what has a tolerance at its best"
 _PROFILE = "As it was found, from moment to moment; how far that is off is not known."
 _BARS = (
     "RMS of recording less simulation. Seen: on the data that it was fitted to; unseen: on blocks that were left out "

@@ -198,10 +198,8 @@ class Tally:
     def words(self) -> str:
         """Coverage of the intervals, and how long it took."""
         inside = sum(abs(one) < 1.96 for one in self.off)
-        return (
-            f"{inside} of {len(self.off)} parameters are within 1.96 of their spreads. "
-            f"Half took less than {np.median(self.took_s):.0f} s, the longest {max(self.took_s):.0f} s."
-        )
+        covered = f"{inside} of {len(self.off)} parameters are within 1.96 of their spreads. " if self.off else ""
+        return f"{covered}Half took less than {np.median(self.took_s):.0f} s, the longest {max(self.took_s):.0f} s."
 
 
 def singles(asked: argparse.Namespace, pool: Executor) -> None:
