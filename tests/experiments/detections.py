@@ -90,7 +90,7 @@ def diagnosed(case: Case) -> Answer:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         profiles: dict[str, Any] = {}
-        planted = other_cars.parsed(case.effects)
+        planted = numbers(case.effects)
         if case.other:
             other_cars.make(folder, case.seed, case.scenario, planted, case.seconds)
             planted = json.loads((folder / "truth.json").read_text())
@@ -103,6 +103,16 @@ def diagnosed(case: Case) -> Answer:
         took_s = time.monotonic() - begun
         fitted = read_samples(folder / "out" / "fit.parquet")
         return Answer(found, _off(found, planted), _profile(found, fitted, profiles), _overlap(found, planted), took_s)
+
+
+def numbers(effects: Sequence[str]) -> dict[str, dict[str, float]]:
+    """What is planted, in the words of `--effect`; what is no number (an axis, a kind) is left out."""
+    found: dict[str, dict[str, float]] = {}
+    for words in effects:
+        name, _, rest = words.partition(":")
+        pairs = [pair.split("=") for pair in rest.split(",") if "=" in pair]
+        found[name] = {key: float(value) for key, value in pairs if value.lstrip("-")[:1].isdigit()}
+    return found
 
 
 def _off(found: dict[str, Any], planted: dict[str, dict[str, float]]) -> tuple[float, ...]:
