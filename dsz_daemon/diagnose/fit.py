@@ -32,7 +32,7 @@ UPRIGHT = 5
 MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
 # No effect of a real car is to the letter what the simulation makes of it.
 _EFFECT_FORM = 0.03
-# No effect of a real car is to the letter what the simulation makes of it: its parameter is so uncertain at least.
+# And its parameter is so uncertain at least.
 _OF_ITSELF = 0.02
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.

@@ -55,6 +55,7 @@ class Found(NamedTuple):
     share: float
     gain: float
     value: float
+    std: float
 
 
 def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
@@ -111,8 +112,7 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) ->
     for c, channel in enumerate(CHANNELS[:6]):
         left = None if channel in known else _shape_of(drive, rows, fit, c)
         if left is not None:
-            std = abs(left.value) / math.sqrt(2.0 * left.gain)
-            coefficient = Coefficient(left.value, std, left.effect.parameters[0].unit)
+            coefficient = Coefficient(left.value, left.std, left.effect.parameters[0].unit)
             shapes.append(Shape(channel, left.shape, coefficient, left.share))
     return shapes
 
@@ -136,14 +136,16 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
         if share < LEAST_SHARE:
             continue
         # As of named effects: what hangs together in what the larger model leaves counts once.
-        whole = np.zeros((len(rows.at), 1))
-        step = np.linalg.lstsq(np.column_stack(columns), left, rcond=None)[0]
-        whole[used, 0] = left - np.column_stack(columns) @ step
+        whole, table = np.zeros((len(rows.at), 1)), np.column_stack(columns)
+        step = np.linalg.lstsq(table, left, rcond=None)[0]
+        whole[used, 0] = left - table @ step
         per_row = float(correlated_rows(whole, used[:, np.newaxis])[0])
         gain = 0.5 * len(left) / per_row * float(np.log(before / after)) - _CHOSEN_OF_MANY
         if gain > max(LEAST_GAIN, best.gain if best is not None else 0.0):
             effect = _effect(CHANNELS[c], name, values - float(np.mean(mine)), f"({_unit(c)})/({unit})", abs(step[1]))
-            best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]))
+            scatter = float(np.mean(whole[used, 0] ** 2)) * per_row
+            std = math.sqrt(scatter * float(np.linalg.pinv(table.T @ table)[1, 1]))
+            best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]), std)
     return best
 
 

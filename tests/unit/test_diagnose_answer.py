@@ -118,6 +118,14 @@ def test_a_turned_mount_is_the_same_as_an_offset() -> None:
     assert aliases.same_as_offsets({"offset_accel_x": 0.2, "offset_accel_y": -0.2}) == []
 
 
+def test_moments_are_told_on_the_clock_with_pauses_in_it() -> None:
+    """Two recordings of 10 s with an hour between: 15 s of what was recorded are 5 s into the second."""
+    time_s = np.concatenate([0.01 * np.arange(1000), 3600.0 + 0.01 * np.arange(1000)])
+    search: Any = SimpleNamespace(drive=SimpleNamespace(recording=SimpleNamespace(time_s=time_s)))
+    told = answer._on_the_clock(search, {"start_s": (4.0, 0.1), "end_s": (15.0, 0.2), "delay_s": (15.0, None)})
+    assert told == {"start_s": (4.0, 0.1), "end_s": (pytest.approx(3605.0), 0.2), "delay_s": (15.0, None)}
+
+
 def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.MonkeyPatch) -> None:
     """reading_x = a_x + g grade: what is the same all the way is taken off the road and put onto the offset."""
     waves = 0.01 * np.sin(2.0 * np.pi * np.arange(1000) / 250.0)

@@ -21,6 +21,7 @@ from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.search import Search, _Trial, gained, searched
+from dsz_daemon.diagnose.unlisted import unlisted
 
 N = 6000
 T = DT_S * np.arange(N)
@@ -264,6 +265,39 @@ def test_a_wheel_that_shows_the_square_of_its_speed_too_has_no_name() -> None:
     [shape] = said.unlisted
     assert (shape.channel, shape.shape) == ("wheel_speed_rl", "k*vx^2")
     assert shape.coefficient.value == pytest.approx(1e-3, rel=0.05)
+
+
+def test_blocks_of_one_manoeuvre_are_known_by_braking_and_bending() -> None:
+    """20 s each: straight on, braking and speeding up, a bend of some 1.4 m/s2, a bend of some 3."""
+    v = 12.0 + np.where((T > 20.0) & (T < 40.0), 2.0 * np.sin(T), 0.0)
+    steer = 2.637 / 12.0**2 * (1.4 * (T > 40.0) * (T < 50.0) + 3.0 * (T > 50.0))
+    rows = rows_of(drive({}, v, steer))
+    kinds = rows.together["manoeuvres"]
+    middle = {
+        name: int(kinds[rows.block[np.searchsorted(rows.at * DT_S, at_s)]])
+        for name, at_s in (
+            ("straight", 10.0),
+            ("braking", 32.0),
+            ("bend", 46.0),
+            ("hard", 56.0),
+        )
+    }
+    assert middle == {"straight": 0, "braking": 1, "bend": 2, "hard": 3}
+    assert "recordings" not in rows.together
+
+
+def test_a_shape_that_is_left_over_has_the_spread_of_its_regression() -> None:
+    """White noise of 0.01 on n rows: the spread of k is 0.01 / (std(v^3) sqrt(n))."""
+    rng = np.random.default_rng(2)
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    left = np.where(rows.used, fit.left, 0.0)
+    cubed = CITY_V[rows.at] ** 3
+    left[:, 5] = 0.01 * rng.standard_normal(len(left)) + 2e-5 * (cubed - cubed.mean())
+    [shape] = [one for one in unlisted(one, rows, fit._replace(left=left)) if one.channel == "accel_z"]
+    assert (shape.shape, shape.coefficient.value) == ("k*vx^3", pytest.approx(2e-5, rel=0.02))
+    assert shape.coefficient.std == pytest.approx(0.01 / (float(np.std(cubed)) * len(left) ** 0.5), rel=0.3)
 
 
 def test_what_other_manoeuvres_deny_is_not_named() -> None:
