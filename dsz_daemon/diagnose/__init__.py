@@ -18,12 +18,12 @@ import numpy as np
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
-from dsz_daemon.diagnose.comparison import SLOW_MPS, driven_s, rows_of
+from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.effects import CAR, SENSORS, Effect, Motion, Parameter, vocabulary
 from dsz_daemon.diagnose.prediction import CHANNELS, against, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
 from dsz_daemon.diagnose.said import Diagnosis
-from dsz_daemon.diagnose.search import Each, Search, searched
+from dsz_daemon.diagnose.search import Search, searched
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
@@ -58,7 +58,7 @@ def diagnose(
     reference: Mapping[str, Signal] | None = None,
     simulation: Mapping[str, Signal] | None = None,
     say: Callable[[str], None] | None = None,
-    each: Each | None = None,
+    each: Each = map,
 ) -> Diagnosed:
     """What one recording says of the nominal simulation, or of the user's own `simulation`.
 
@@ -98,7 +98,7 @@ def diagnose(
             )
         drive = against(drive, theirs)
     found = searched(drive, rows_of(drive), tolerance, say, each)
-    return Diagnosed(answered(found, faults), found)
+    return Diagnosed(answered(found, faults, each), found)
 
 
 def _require(signals: Mapping[str, Signal]) -> None:

@@ -11,7 +11,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import Ints, floors
+from dsz_daemon.diagnose.comparison import Each, Ints, floors
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit
@@ -44,9 +44,9 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
 }
 
 
-def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
+def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) -> Diagnosis:
     """What is said of a search, after the faults that were mended before it."""
-    errors = _parameter_errors(found)
+    errors = _parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
     causes = [cause for effect in named if (cause := _cause(found, effect)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
@@ -64,7 +64,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = ()) -> Diagnosis:
         shapes,
         _fit(found),
         level,
-        _untested(found),
+        _untested(found, each),
         {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in offsets.items()},
         same_as_offsets({name: v for name, (v, _) in offsets.items()}),
     )
@@ -237,11 +237,11 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
     return told, units
 
 
-def _parameter_errors(found: Search) -> list[ParameterError]:
+def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = "cornering_stiffness" in found.best.effects
     least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
-    if not beyond and searching.tolerance_gain(found) < least:
+    if not beyond and searching.tolerance_gain(found, each) < least:
         return []
     values = values_of(found.drive, found.best, "")
     if beyond:
@@ -297,13 +297,13 @@ def _unit(channel: str) -> str:
     return "m/s^2" if channel in IMU_CHANNELS else "rad" if channel.endswith("_rad") else "m/s"
 
 
-def _untested(found: Search) -> list[dict[str, str]]:
+def _untested(found: Search, each: Each) -> list[dict[str, str]]:
     """Effects of which a plain size would have shown by less than what is asked of a cause."""
     words = found.drive.vocabulary
     known = {*found.best.effects, *searching.NEVER_SCREENED, *_NAMELESS}
     rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
-    slopes = searching.slopes_of(found, columns)
+    slopes = searching.slopes_of(found, columns, each)
     heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
     power: list[float] = np.einsum("kcp,c->p", slopes**2, heard).tolist()
     untested = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -15,6 +15,8 @@ from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERE
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
+# `map`, or one that works side by side.
+Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 # Compared at 25 Hz: the filter has left nothing above.
 EVERY = 4
@@ -165,18 +167,20 @@ def sensitivities(
     base: Floats,
     columns: Sequence[int],
     felt: Callable[[Floats], Profiles] | None = None,
+    each: Each = map,
 ) -> Floats:
     """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound.
 
     `felt`: the road that is felt for other parameters, where it is not the same for all.
     """
-    found = np.zeros((len(rows.at), len(CHANNELS), len(columns)))
-    moving = driven(drive, x, road)
+    moving, before = driven(drive, x, road), base[rows.at]
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
-    for place, i in enumerate(columns):
+
+    def secant(i: int) -> Floats:
         if i < len(OFFSETS):
-            found[:, i, place] = rows.used[:, i]
-            continue
+            only = np.zeros_like(before)
+            only[:, i] = 1.0
+            return only
         effect, parameter = drive.vocabulary.columns[i]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
         # Close to the value: an effect that is there already is not stepped over.
@@ -190,7 +194,11 @@ def sensitivities(
             there = shown(drive, moved, moving)
         else:
             there = predicted(drive, moved, road)
-        found[:, :, place] = (there - base)[rows.at] / step
-    found *= rows.used[:, :, np.newaxis]
-    # Beside a car that is about to spin a step further is anything; nothing is learnt from that.
-    return np.asarray(np.clip(np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0), -_STEEPEST, _STEEPEST))
+        return np.asarray((there[rows.at] - before) / step)
+
+    found = np.zeros((len(columns), *before.shape))
+    for place, one in enumerate(each(secant, columns)):
+        # Beside a car that is about to spin a step further is anything; nothing is learnt from that.
+        kept = np.clip(np.nan_to_num(one, copy=False, nan=0.0, posinf=0.0, neginf=0.0), -_STEEPEST, _STEEPEST)
+        found[place] = np.where(rows.used, kept, 0.0)
+    return np.ascontiguousarray(np.moveaxis(found, 0, 2))

@@ -15,6 +15,8 @@ from dsz_daemon.diagnose.prediction import Floats
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
 LEAST_GAIN = 10.0
 _CORRELATED_FOR_ROWS = 250
+# What is left open is no denial up to so many times the square that is expected: two standard deviations.
+_LEFT_OPEN = 4.0
 
 
 class Sums(NamedTuple):
@@ -44,7 +46,7 @@ def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
         np.zeros((blocks, channels)),
         np.zeros((blocks, channels)),
     )
-    _add_up(rows.block, rows.used, left / std, np.ascontiguousarray(slopes / std[:, np.newaxis]), *found)
+    _add_up(rows.block, rows.used, left, slopes, std, *found)
     return found
 
 
@@ -54,6 +56,7 @@ def _add_up(
     used: Bools,
     left: Floats,
     slopes: Floats,
+    std: Floats,
     squares: Floats,
     cross: Floats,
     power: Floats,
@@ -66,16 +69,17 @@ def _add_up(
             if not used[k, c]:
                 continue
             b, slope = block[k], slopes[k, c]
+            once, twice = left[k, c] / std[c] ** 2, 1.0 / std[c] ** 2
             counts[b, c] += 1.0
-            power[b, c] += left[k, c] * left[k, c]
+            power[b, c] += once * left[k, c]
             for i in range(p):
                 mine = slope[i]
                 if mine == 0.0:
                     continue
-                cross[b, c, i] += mine * left[k, c]
+                cross[b, c, i] += mine * once
                 row = squares[b, c, i]
                 for j in range(i + 1):
-                    row[j] += mine * slope[j]
+                    row[j] += mine * twice * slope[j]
     for b in range(squares.shape[0]):
         for c in range(squares.shape[1]):
             for i in range(p):
@@ -97,16 +101,13 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
 
 
-def held_out(found: Sums, columns: Sequence[int], box: Box, fold: Ints | None = None) -> Floats:
-    """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it.
-
-    Blocks of one `fold` (b,) are held out together; without it, every FOLDS-th.
-    """
+def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
+    """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it, and every FOLDS-th other."""
     chosen = list(columns)
     part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
     squares = found.squares[:, :, chosen][:, :, :, chosen]
     cross = found.cross[:, :, chosen]
-    fold = np.arange(len(found.left)) % FOLDS if fold is None else fold
+    fold = np.arange(len(found.left)) % FOLDS
     result = np.zeros_like(found.left)
     for k in np.unique(fold):
         seen, unseen = fold != k, fold == k
@@ -114,6 +115,40 @@ def held_out(found: Sums, columns: Sequence[int], box: Box, fold: Ints | None = 
         result[unseen] = (
             found.left[unseen] - 2.0 * cross[unseen] @ step + np.einsum("bcij,i,j->bc", squares[unseen], step, step)
         )
+    return result
+
+
+def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, per_row: Floats) -> Floats:
+    """Sum of squares (b, c) of each block, of a fit of `columns` that has seen none of its kind (b,).
+
+    Calm driving leaves open what a hard bend will show: an error that large has to be expected (by the spread of the
+    parameters, sandwich) and speaks against nothing; only what is beyond it is counted. `per_row` as below.
+    """
+    chosen = list(columns)
+    part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
+    squares = found.squares[:, :, chosen][:, :, :, chosen]
+    cross = found.cross[:, :, chosen]
+
+    def left_by(step: Floats, at: Bools) -> Floats:
+        bent = np.einsum("bcij,i,j->bc", squares[at], step, step)
+        return np.asarray(found.left[at] - 2.0 * cross[at] @ step + bent)
+
+    whole = solved(squares.sum(axis=(0, 1)), cross.sum(axis=(0, 1)), part)
+    power = found.left.sum(axis=0) / np.maximum(found.counts.sum(axis=0), 1.0)
+    result = np.zeros_like(found.left)
+    for k in np.unique(kind):
+        seen, unseen = kind != k, kind == k
+        own = squares[seen].sum(axis=(0, 1))
+        step = solved(own, cross[seen].sum(axis=(0, 1)), part)
+        bread = np.linalg.inv(own + np.diag(np.maximum(part.weight, 1e-12)))
+        pulls = cross[seen].sum(axis=1) - squares[seen].sum(axis=1) @ step
+        meats = (np.einsum("bcij,c->ij", squares[seen], power * per_row), pulls.T @ pulls)
+        there = squares[unseen].sum(axis=0)
+        expected = np.max([np.einsum("cij,ji->c", there, bread @ meat @ bread) for meat in meats], axis=0)
+        best, by_others = left_by(whole, unseen), left_by(step, unseen)
+        more = (by_others - best).sum(axis=0)
+        share = np.where(more > 0.0, np.maximum(1.0 - _LEFT_OPEN * expected / np.maximum(more, 1e-30), 0.0), 1.0)
+        result[unseen] = best + share * (by_others - best)
     return result
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, floors, residual, robust_std, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, floors, residual, robust_std, sensitivities
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
     COLUMNS,
@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.effects import (
     TOLERATED,
     Parameter,
 )
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, solved, sums
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, held_out_kinds, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -34,6 +34,8 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 _EFFECT_FORM = 0.03
 # And its parameter is so uncertain at least.
 _OF_ITSELF = 0.02
+# What the form is off by stays so for many rows: a bend through which the steering stands between two of its steps.
+_FORM_LASTS_ROWS = 250
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {"cornering_stiffness": _TOLERATED[:2], "steering_delay": (INDEX["steering_skew_s"],)}
@@ -61,6 +63,23 @@ class Fit(NamedTuple):
     road: Profiles
     form: Floats
     together: Mapping[str, Floats] = MappingProxyType({})
+    felt: Felt | None = None
+
+
+class Slopes(NamedTuple):
+    """Sensitivities (k, 13, len(columns)) of the model that has these effects, at x."""
+
+    x: Floats
+    effects: tuple[str, ...]
+    columns: tuple[int, ...]
+    values: Floats
+
+    def of(self, x: Floats, effects: tuple[str, ...], columns: Sequence[int]) -> Floats | None:
+        """Those of some columns; None at another x, on another road, or where one is missing."""
+        roads = [set(there) & set(OWN_CHANNEL) for there in (effects, self.effects)]
+        if roads[0] != roads[1] or not np.array_equal(x, self.x) or not set(columns) <= set(self.columns):
+            return None
+        return np.ascontiguousarray(self.values[:, :, [self.columns.index(i) for i in columns]])
 
 
 def nuisances(tolerance: Mapping[str, float]) -> tuple[int, ...]:
@@ -90,11 +109,16 @@ def fitted(
     effects: tuple[str, ...],
     tolerance: Mapping[str, float],
     settled: float = 1e-3,
+    each: Each = map,
+    known: Slopes | None = None,
+    felt: Felt | None = None,
 ) -> Fit:
     """Gauss-Newton in the box, over offsets, stiffnesses and the effects' parameters.
 
     Until a step takes no more than this share off what is left. What candidates are compared with has to be settled
-    better than these: else they gain what it has left undone.
+    better than these: else they gain what it has left undone. With slopes that are `known` where it starts, the fit is
+    judged by those of its last step: `exactly` does so by its own. `felt`: the road of the model that it starts from;
+    where it has more of a road, or less, that is felt from the start on.
     """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
@@ -110,15 +134,18 @@ def fitted(
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):
             x[mine], x[other] = x[mine] + x[other], 0.0
-    for profile in OWN_CHANNEL:
-        x[list(words.columns_of(profile))] = 0.0
-    felt = Felt(drive, x, effects)
+    if felt is None or felt.profiles != set(effects) & set(OWN_CHANNEL):
+        for profile in OWN_CHANNEL:
+            x[list(words.columns_of(profile))] = 0.0
+        felt = Felt(drive, x, effects)
+    anew = felt if felt.is_tilted else None
     road = felt(x)
     base = predicted(drive, x, road)
     left = residual(rows, base)
     scatter = robust_std(rows, left, floor)
-    for _ in range(_ROUNDS):
-        slopes = sensitivities(drive, rows, x, road, base, columns, felt if felt.is_tilted else None)
+    for k in range(_ROUNDS):
+        there = known.of(x, effects, columns) if known is not None and k == 0 else None
+        slopes = sensitivities(drive, rows, x, road, base, columns, anew, each) if there is None else there
         found = sums(rows, left, slopes, scatter)
         box = box_of(words.columns, x, columns, tolerance)
         step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
@@ -142,21 +169,49 @@ def fitted(
         scatter = new
         if quiet:
             break
-    slopes = sensitivities(drive, rows, x, road, base, columns, felt if felt.is_tilted else None)
-    found = sums(rows, left, slopes, scatter)
+    if known is None:
+        slopes = sensitivities(drive, rows, x, road, base, columns, anew, each)
+    return _judged(drive, rows, tolerance, Slopes(x, effects, columns, slopes), base, left, scatter, road, felt)
+
+
+def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
+    """A fit judged by the slopes that it has at its end."""
+    base = predicted(drive, fit.x, fit.road)
+    anew = fit.felt if fit.felt is not None and fit.felt.is_tilted else None
+    slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, anew, each)
+    at = Slopes(fit.x, fit.effects, fit.columns, slopes)
+    return _judged(drive, rows, tolerance, at, base, fit.left, fit.scatter, fit.road, fit.felt)
+
+
+def _judged(
+    drive: Drive,
+    rows: Rows,
+    tolerance: Mapping[str, float],
+    slopes: Slopes,
+    base: Floats,
+    left: Floats,
+    scatter: Floats,
+    road: Profiles,
+    felt: Felt | None,
+) -> Fit:
+    """What a model leaves on blocks that a fit has not seen, and how sure its parameters are."""
+    words, (x, effects, columns, values) = drive.vocabulary, slopes
+    found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left, rows.used)
     box = box_of(words.columns, x, columns, tolerance)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]
     unseen = held_out(found, lasting, box) * scatter**2
-    together = {name: held_out(found, lasting, box, kind) * scatter**2 for name, kind in rows.together.items()}
+    together = {
+        name: held_out_kinds(found, lasting, box, kind, per_row) * scatter**2 for name, kind in rows.together.items()
+    }
     form = _form(drive, rows, x, effects, base)
-    std = np.hypot(_spread(found, per_row, box), _OF_ITSELF * np.abs(x[list(columns)]))
+    std = np.hypot(_spread(found, per_row, box, form / scatter), _OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
-    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together)
+    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt)
 
 
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
@@ -182,12 +237,16 @@ def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
     return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
 
 
-def _spread(found: Sums, per_row: Floats, box: Box) -> Floats:
-    """Standard deviations by the sandwich over blocks, no less than autocorrelation allows."""
+def _spread(found: Sums, per_row: Floats, box: Box, form: Floats) -> Floats:
+    """Standard deviations by the sandwich over blocks, no less than autocorrelation and the simulation's form allow.
+
+    `form` (13,), in the channels' scatter.
+    """
     bread = np.linalg.inv(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
-    meat = np.einsum("bcij,c->ij", found.squares, power * per_row)
+    lasting = np.maximum(power * per_row, form**2 * _FORM_LASTS_ROWS)
+    meat = np.einsum("bcij,c->ij", found.squares, lasting)
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread

@@ -41,7 +41,7 @@ def felt(
 
     The last: above the roll axis, above and ahead of the pitch axis.
 
-    Of motion (n, 10), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
+    Of motion (n, 11), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces.
     """
     n = len(v_mps)
@@ -85,6 +85,23 @@ def felt(
                 turned += rates_of_rates[k, j] * rate[j] + rates_of_forces[k, j] * force[j]
                 pulled += forces_of_forces[k, j] * force[j]
             shown[i, k], shown[i, 3 + k] = turned, pulled
+    return shown
+
+
+@compiled
+def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
+    """What follows each column of the values (n, c) by a first order, T y' = x - y, from its first one on.
+
+    Exact for what is straight between two instants, so that the sampling adds no delay of its own.
+    """
+    keep = math.exp(-dt_s / time_constant_s)
+    share = 1.0 + (keep - 1.0) * time_constant_s / dt_s
+    rest = 1.0 - keep - share
+    shown = np.empty_like(values)
+    shown[0] = values[0]
+    for i in range(1, len(values)):
+        for c in range(values.shape[1]):
+            shown[i, c] = keep * shown[i - 1, c] + share * values[i, c] + rest * values[i - 1, c]
     return shown
 
 

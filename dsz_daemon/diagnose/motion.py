@@ -27,7 +27,7 @@ BODY_RADPS, BODY_DAMPING = 2.0 * math.pi * 1.5, 0.35
 SHARPNESS = 2.5
 
 # Columns of what `moved` returns.
-VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA = range(10)
+VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED = range(11)
 
 
 class CarModel(NamedTuple):
@@ -71,16 +71,16 @@ def _limited(force: float, load_n: float, grip: float, sharpness: float) -> floa
 
 
 @compiled
-def _pulled(car: CarModel, front_n: float, along_mps2: float, delta: float) -> float:
+def _pulled(car: CarModel, front_n: float, along_mps2: float, sin: float, cos: float) -> float:
     """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta.
 
-    `along_mps2` is a_x and what a climb takes.
+    `along_mps2` is a_x and what a climb takes; `sin` and `cos` are those of delta.
     """
-    return car.steered_pull * (car.mass_kg * along_mps2 + front_n * math.sin(delta)) * math.tan(delta)
+    return car.steered_pull * (car.mass_kg * along_mps2 + front_n * sin) * sin / cos
 
 
 @compiled
-def _scrubbed(car: CarModel, heading: float, curvature: float, delta: float) -> tuple[float, float]:
+def _scrubbed(car: CarModel, heading: float, curvature: float, sin: float) -> tuple[float, float]:
     """What front wheels that steer alike do beyond one in the middle: force to the left, and yaw moment.
 
     With e = (track / 2) r / v the inner one rolls at v (1 - e), the outer one at v (1 + e): their headings are
@@ -90,7 +90,7 @@ def _scrubbed(car: CarModel, heading: float, curvature: float, delta: float) -> 
     half = 0.5 * car.front_track_m
     e = half * curvature
     one = car.parallel_steer * car.front_stiffness * heading * e
-    return -one * e, -one * half * math.sin(delta) - one * e * car.cg_to_front_axle_m
+    return -one * e, -one * half * sin - one * e * car.cg_to_front_axle_m
 
 
 @compiled
@@ -99,20 +99,24 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     steer_rad: Floats,
     v_mps: Floats,
     v_rate: Floats,
+    front_mps: Floats,
     grip: Floats,
     side_n: Floats,
     bank_rad: Floats,
     grade_rad: Floats,
     dt_s: float,
 ) -> Floats:
-    """Motion (n, 10) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
+    """Motion (n, 11) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
 
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
+    `front_mps` (n,) or (0,): what the front axle rolls, along its wheels, where that tells the speed; `v_mps` is then
+    what is near it, for its course between two steps.
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
     rear_load = car.mass_kg * G * lf / (lf + lr)
-    rows = np.zeros((len(v_mps), 10))
+    rows = np.zeros((len(v_mps), 11))
+    by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     roll, roll_rate, pitch, pitch_rate = 0.0, 0.0, 0.0, 0.0
     held = steer_rad[0]
@@ -123,6 +127,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         v = v_mps[i]
         held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
         delta = held - car.compliance_rad_per_n * front
+        cos, sin = math.cos(delta), math.sin(delta)
+        if by_front:
+            v = (front_mps[i] - (vy + lf * r) * sin) / cos
         if v < ROLLING_MPS:
             r_before = r
             r = v * delta / (lf + lr)
@@ -131,20 +138,20 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             ay, r_rate = r * v, (r - r_before) / dt_s
         elif car.relaxation_m <= 0.0:
             front = _limited(
-                -car.front_stiffness * (math.atan2(vy + lf * r, v) - delta), front_load, grip[i], car.sharpness
+                -car.front_stiffness * (math.atan((vy + lf * r) / v) - delta), front_load, grip[i], car.sharpness
             )
-            rear = _limited(-car.rear_stiffness * math.atan2(vy - lr * r, v), rear_load, grip[i], car.sharpness)
+            rear = _limited(-car.rear_stiffness * math.atan((vy - lr * r) / v), rear_load, grip[i], car.sharpness)
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
         uphill = G * math.sin(grade_rad[i])
-        cos = math.cos(delta)
         if v >= ROLLING_MPS:
-            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, delta)
-            scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, delta)
+            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, cos)
+            scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, sin)
             ay = (steered + rear + outside + scrub_n) / car.mass_kg
             r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) / car.yaw_inertia_kgm2
         row = rows[i]
         row[0], row[1], row[2], row[3], row[4] = vy, r, r_rate, ay, front
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
+        row[10] = v
         # The body on its springs, to the next row.
         roll_rate += dt_s * (roll_spring * (car.roll_gradient * ay - roll) - roll_damper * roll_rate)
         roll += dt_s * roll_rate
@@ -156,17 +163,17 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         # To the middle of the step, then all of it with what acts there.
         after = min(i + 1, len(v_mps) - 1)
         held_after = min(max(held, steer_rad[after] - half), steer_rad[after] + half)
-        delta_mid, v_mid = delta + 0.5 * (held_after - held), 0.5 * (v + v_mps[after])
+        delta_mid, v_mid = delta + 0.5 * (held_after - held), v + 0.5 * (v_mps[after] - v_mps[i])
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         front_goal = _limited(
-            -car.front_stiffness * (math.atan2(vy_mid + lf * r_mid, v_mid) - delta_mid),
+            -car.front_stiffness * (math.atan((vy_mid + lf * r_mid) / v_mid) - delta_mid),
             front_load,
             grip[i],
             car.sharpness,
         )
         rear_goal = _limited(
-            -car.rear_stiffness * math.atan2(vy_mid - lr * r_mid, v_mid), rear_load, grip[i], car.sharpness
+            -car.rear_stiffness * math.atan((vy_mid - lr * r_mid) / v_mid), rear_load, grip[i], car.sharpness
         )
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
@@ -177,8 +184,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             front += share * (front_goal - front)
             rear += share * (rear_goal - rear)
         along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid + uphill
-        steered = front_mid * math.cos(delta_mid) + _pulled(car, front_mid, along, delta_mid)
-        scrub_n, scrub_nm = _scrubbed(car, (vy_mid + lf * r_mid) / v_mid, r_mid / v_mid, delta_mid)
+        cos, sin = math.cos(delta_mid), math.sin(delta_mid)
+        steered = front_mid * cos + _pulled(car, front_mid, along, sin, cos)
+        scrub_n, scrub_nm = _scrubbed(car, (vy_mid + lf * r_mid) / v_mid, r_mid / v_mid, sin)
         vy += dt_s * ((steered + rear_mid + outside + scrub_n) / car.mass_kg - r_mid * v_mid)
         turning = steered * lf - rear_mid * lr + scrub_nm + car.wind_ahead_m * side_n[i]
         r += dt_s * turning / car.yaw_inertia_kgm2

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
-from dsz_daemon.diagnose.instruments import felt, rolled
+from dsz_daemon.diagnose.instruments import felt, followed, rolled
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
@@ -127,7 +125,7 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 
 
 class Moving(NamedTuple):
-    """The car on its drive: motion (n, 10), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
+    """The car on its drive: motion (n, 11), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
 
     `squares` (4,), s/m: what each wheel shows more, over the square of its speed.
     `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
@@ -205,13 +203,11 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         front_track_m,
     )
     v_rate = np.gradient(v, DT_S)
-    m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
+    front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
+    m = moved(model, steer, v, v_rate, front_mps, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
     if drive.front_gives_speed:
-        # Now that the front axle's own way sideways is known.
-        delta, across = m[:, motion.DELTA], m[:, motion.VY] + lf * m[:, motion.R]
-        v = (rolled_mps / (1.0 + slips[:, 0]) - across * np.sin(delta)) / np.cos(delta)
+        v = m[:, motion.SPEED].copy()
         v_rate = np.gradient(v, DT_S)
-        m = moved(model, steer, v, v_rate, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m")))
     return Moving(m, v, v_rate, slips, radii, squares, lf, -shift, tracks_m, road)
 
@@ -335,11 +331,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     )
     time_constant_s = at("sensor_bandwidth.time_constant_s")
     if time_constant_s > 0.0:
-        keep = math.exp(-DT_S / time_constant_s)
-        # Exact for what is straight between two instants, so that the sampling adds no delay of its own.
-        share = 1.0 + (keep - 1.0) * time_constant_s / DT_S
-        rest = 1.0 - keep - share
-        reads = lfilter([share, rest], [1.0, -keep], reads, axis=0, zi=(reads[0] * (1.0 - share))[np.newaxis])[0]
+        reads = followed(reads, time_constant_s, DT_S)
     if at("imu_delay.delay_s") > 0.0:
         reads = np.column_stack([earlier(reads[:, i], -at("imu_delay.delay_s")) for i in range(6)])
     reads += np.array([at(f"offset_{channel}") for channel in IMU_CHANNELS])

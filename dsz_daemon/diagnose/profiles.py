@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.signal import firwin
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
@@ -18,10 +17,12 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 _ACROSS = 4
 # A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
 # All of a road passes that bends up and down within two seconds.
-_ROAD_KERNEL = np.asarray(firwin(201, 1.5, fs=1.0 / DT_S), dtype=np.float64)
+_ROAD_HZ, _REACH = 1.5, 100
+_ROAD_KERNEL = np.hamming(2 * _REACH + 1) * np.sinc(2.0 * _ROAD_HZ * DT_S * np.arange(-_REACH, _REACH + 1))
+_ROAD_KERNEL /= _ROAD_KERNEL.sum()
 # A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
 _WIND_ROUNDS = 15
-_TILTS = ("road_bank", "road_grade")
+_TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
 
 
 class Felt:
@@ -34,8 +35,9 @@ class Felt:
     def __init__(self, drive: Drive, start: Floats, effects: tuple[str, ...]) -> None:
         self._drive, self._start, self._effects = drive, start, effects
         self.is_tilted = bool(set(_TILTS) & set(effects))
+        self.profiles = set(effects) & {*_TILTS, _WIND}
         self._first = self._tilted(flat(len(drive.steer)), start)
-        if "side_wind" in effects:
+        if _WIND in effects:
             self._first = _with_wind(drive, start, self._first)
 
     def __call__(self, x: Floats) -> Profiles:

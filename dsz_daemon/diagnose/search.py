@@ -7,32 +7,31 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Rows, floors, residual, sensitivities
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, residual, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
-from dsz_daemon.diagnose.fit import DRAWN, MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, box_of, fitted, loss_of
+from dsz_daemon.diagnose.fit import DRAWN, MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
-# `map`, or one that works side by side.
-Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
 _TRIED = 7
+# By slopes that are a step old, what gains so much of the most, and is not hopeless, is judged by its own.
+_HOPEFUL, _HOPELESS = 0.4, -30.0
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -82,12 +81,12 @@ def searched(
     rows: Rows,
     tolerance: Mapping[str, float],
     progress: Progress | None = None,
-    each: Each | None = None,
+    each: Each = map,
 ) -> Search:
     """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
-    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL)
+    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL, each)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
@@ -97,9 +96,11 @@ def searched(
         if len(best.effects) == _MOST_EFFECTS:
             break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        fit_one, starts = _Trial(drive, rows, best, tolerance), _starts(drive, rows, best, tolerance)
-        starts = [start for start in starts if start[0] not in refused]
-        tried = list(each(fit_one, starts)) if each else [fit_one(start) for start in starts]
+        starts, known = _starts(drive, rows, best, tolerance, each)
+        trial = _Trial(drive, rows, best, tolerance, known)
+        tried = list(each(trial.fit, [start for start in starts if start[0] not in refused]))
+        enough = max(_HOPEFUL * max((step.gain for step in tried), default=0.0), _HOPELESS)
+        tried = list(each(trial.judge, [step for step in tried if step.gain > enough]))
         tried = _ranked(drive, best, tried)
         shape = best_shape(drive, rows, best)
         if shape is not None and shape.gain > _SURELY * max((step.gain for step in tried), default=0.0):
@@ -113,32 +114,36 @@ def searched(
                 drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
                 nominal, start = nominal._replace(x=np.append(nominal.x, 0.0)), np.append(start, 0.0)
             start[list(drive.vocabulary.columns_of(name))] = shape.value
-            best = fitted(drive, rows, start, (*best.effects, name), tolerance)
+            best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
         if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
             break
         elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
         if not best.road.bank_rad.any() and not best.road.grade_rad.any():
-            best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL)
+            best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL, each)
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
-        best = _without_idle(drive, rows, best, tolerance, gains)
+        best = _without_idle(drive, rows, best, tolerance, gains, each)
         # Beside others an effect may want to be what it can't be: then it was something else.
         wrong = {effect for effect in best.effects if _is_implausible(drive, best, effect)}
         if wrong:
             refused |= wrong
-            best = _without(drive, rows, best, tolerance, wrong)
+            best = _without(drive, rows, best, tolerance, wrong, each)
         gains = {effect: gains[effect] for effect in best.effects}
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
     return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
 
 
-def _starts(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[tuple[str, Floats]]:
+def _starts(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each
+) -> tuple[list[tuple[str, Floats]], Slopes]:
     """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
     roads = [name for name in OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
-    starts = [(effect, best.x) for effect in (*_screened(drive, rows, best, tolerance)[:_TRIED], *roads)]
-    return [*starts, *(guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects)]
+    screened, known = _screened(drive, rows, best, tolerance, each)
+    starts = [(effect, best.x) for effect in (*screened[:_TRIED], *roads)]
+    guessed = [guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects]
+    return [*starts, *guessed], known
 
 
 @dataclass(frozen=True)
@@ -149,20 +154,30 @@ class _Trial:
     rows: Rows
     best: Fit
     tolerance: Mapping[str, float]
+    known: Slopes
 
-    def __call__(self, start: tuple[str, Floats]) -> Step:
+    def fit(self, start: tuple[str, Floats]) -> Step:
+        """From there, judged by the slopes of its last step."""
         effect, x = start
         effects = (*self.best.effects, effect)
-        fit = fitted(self.drive, self.rows, x, effects, self.tolerance)
-        if effect == "low_friction":
+        fit = self._fitted(x, effects)
+        if effect == "low_friction" and gained(self.drive, self.best, fit) > 0.0:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             for _ in range(_MOST_MOVES):
                 moved = _with_best_moments(self.drive, self.rows, fit)
-                before, fit = fit.x, fitted(self.drive, self.rows, moved, effects, self.tolerance)
+                before, fit = fit.x, self._fitted(moved, effects)
                 if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in _moments(self.drive)):
                     break
         if _is_implausible(self.drive, fit, effect):
             return Step(effect, -math.inf, fit)
+        return Step(effect, gained(self.drive, self.best, fit), fit)
+
+    def _fitted(self, x: Floats, effects: tuple[str, ...]) -> Fit:
+        return fitted(self.drive, self.rows, x, effects, self.tolerance, known=self.known, felt=self.best.felt)
+
+    def judge(self, step: Step) -> Step:
+        """By its own slopes, and by what other manoeuvres say."""
+        effect, fit = step.effect, exactly(self.drive, self.rows, step.fit, self.tolerance)
         gain = gained(self.drive, self.best, fit)
         # What is there for a while, or at the limit only, is in few of the manoeuvres.
         if effect not in _RARE and gain > LEAST_GAIN and self._elsewhere(fit) < _DENIED * gain:
@@ -283,15 +298,17 @@ def _quiet(drive: Drive, fit: Fit) -> Bools:
     return np.asarray(power < _QUIET * (np.nan_to_num(floors(drive)) ** 2 + fit.form**2))
 
 
-def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]) -> list[str]:
-    """The effects that are not in the model, the most promising first, by one linear step each."""
+def _screened(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each
+) -> tuple[list[str], Slopes]:
+    """The effects that are not in the model, the most promising first, by one linear step each; and the slopes."""
     words = drive.vocabulary
     special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
     held = set(NUISANCES) - set(best.columns)
     columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
     base = predicted(drive, best.x, best.road)
-    felt = Felt(drive, best.x, best.effects)
-    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, felt if felt.is_tilted else None)
+    anew = best.felt if best.felt is not None and best.felt.is_tilted else None
+    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, anew, each)
     found = sums(rows, best.left, slopes, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}
@@ -305,15 +322,18 @@ def _screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float
         scored.append(
             (gain(before, after * best.scatter**2, found.counts, np.ones_like(best.form), best.form), effect.name)
         )
-    return [name for value, name in sorted(scored, reverse=True) if value > 0.5 * LEAST_GAIN]
+    names = [name for value, name in sorted(scored, reverse=True) if value > 0.5 * LEAST_GAIN]
+    return names, Slopes(best.x, best.effects, tuple(columns), slopes)
 
 
-def _without(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str]) -> Fit:
+def _without(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str], each: Each
+) -> Fit:
     start = best.x.copy()
     for effect in effects:
         start[list(drive.vocabulary.columns_of(effect))] = 0.0
     rest = tuple(name for name in best.effects if name not in effects)
-    return fitted(drive, rows, start, rest, tolerance)
+    return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
 
 
 def _without_idle(
@@ -322,28 +342,29 @@ def _without_idle(
     best: Fit,
     tolerance: Mapping[str, float],
     gains: dict[str, float],
+    each: Each,
 ) -> Fit:
     """Each earlier effect is tried without: what another explains better has to go."""
     for effect in best.effects[:-1]:
-        smaller = _without(drive, rows, best, tolerance, (effect,))
+        smaller = _without(drive, rows, best, tolerance, (effect,), each)
         gains[effect] = gained(drive, smaller._replace(form=rows.form), best)
         if gains[effect] < LEAST_GAIN:
             best = smaller
     return best
 
 
-def slopes_of(found: Search, columns: Sequence[int]) -> Floats:
+def slopes_of(found: Search, columns: Sequence[int], each: Each = map) -> Floats:
     """Sensitivities (k, 13, len(columns)) at the end of the search."""
     best = found.best
     base = predicted(found.drive, best.x, best.road)
-    return sensitivities(found.drive, found.rows, best.x, best.road, base, columns)
+    return sensitivities(found.drive, found.rows, best.x, best.road, base, columns, None, each)
 
 
-def tolerance_gain(found: Search) -> float:
+def tolerance_gain(found: Search, each: Each = map) -> float:
     """What refitting the configured parameters gains over leaving them as they are, causes included."""
     start = found.best.x.copy()
     start[[INDEX[p.name] for p in TOLERATED]] = 0.0
-    held = fitted(found.drive, found.rows, start, found.best.effects, {})
+    held = fitted(found.drive, found.rows, start, found.best.effects, {}, each=each, felt=found.best.felt)
     return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from dsz_daemon.diagnose import diagnose as diagnosed
 from dsz_daemon.diagnose.answer import UNEXPLAINED, columns_of_fit
 from dsz_daemon.diagnose.recording import Floats
+from dsz_daemon.edge.freed_memory import keep_freed_memory
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
 from dsz_daemon.edge.samples_file import write_columns
@@ -51,6 +52,7 @@ def diagnose(
     `say` hears what is being done. InputError: nothing to drive the simulation with (steering, wheel speeds), nothing
     to compare, too little of it, or a file beside it that can't be read or is of another time.
     """
+    keep_freed_memory()
     setup = set_up(config)
     output_folder(folder)
     report = LogReport()

@@ -15,7 +15,7 @@ from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.comparison import FOLDS, Rows
-from dsz_daemon.diagnose.evidence import Box, correlated_rows, gain, held_out, solved, sums
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, held_out_kinds, solved, sums
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.errors import InputError
@@ -257,23 +257,42 @@ def test_the_box_holds() -> None:
     assert solved(squares, cross, tight) == pytest.approx([0.5, 1.25])
 
 
+def one_slope(slopes: np.ndarray, left: np.ndarray) -> Sums:
+    """Sums over 20 blocks of 25 rows, in one channel of thirteen."""
+    used = np.zeros((500, 13), dtype=np.bool_)
+    used[:, 0] = True
+    table, column = np.zeros((500, 13, 1)), np.zeros((500, 13))
+    table[:, 0, 0], column[:, 0] = slopes, left
+    block = np.repeat(np.arange(20), 25)
+    return sums(Rows(np.arange(500), used, block, np.zeros((500, 13)), np.zeros(13)), column, table, np.ones(13))
+
+
+ONE = Box(np.full(1, -1e6), np.full(1, 1e6), np.full(1, 1e-9))
+KINDS = (np.arange(20) >= 10).astype(np.int64)
+
+
 def test_whole_kinds_are_held_out_together() -> None:
     """Of two recordings that deny each other, either is predicted worse by the other than by nothing."""
     rng = np.random.default_rng(5)
-    block = np.repeat(np.arange(20), 25)
-    used = np.zeros((500, 13), dtype=np.bool_)
-    used[:, 0] = True
-    slopes, left = np.zeros((500, 13, 1)), np.zeros((500, 13))
-    slopes[:, 0, 0] = rng.normal(size=500)
-    first = block < 10
-    left[:, 0] = slopes[:, 0, 0] * np.where(first, 1.0, -1.0)
-    rows = Rows(np.arange(500), used, block, np.zeros((500, 13)), np.zeros(13))
-    found = sums(rows, left, slopes, np.ones(13))
-    free = Box(np.full(1, -10.0), np.full(1, 10.0), np.full(1, 1e-9))
-    recordings = (np.arange(20) >= 10).astype(np.int64)
-    alone, unseen = float(np.sum(left**2)), held_out(found, [0], free, recordings)
+    slopes = rng.normal(size=500)
+    left = slopes * np.where(np.arange(500) < 250, 1.0, -1.0)
+    unseen = held_out_kinds(one_slope(slopes, left), [0], ONE, KINDS, np.ones(13))
     # The other recording's coefficient is the negative of one's own: twice the distance, four times the square.
-    assert unseen.sum() == pytest.approx(4.0 * alone, rel=1e-6)
+    assert unseen.sum() == pytest.approx(4.0 * float(np.sum(left**2)), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_calm_driving_leaves_open_denies_nothing(seed: int) -> None:
+    """Slopes of 0.01 in calm driving leave a coefficient open to +- 6, of which a hard bend would show all."""
+    rng = np.random.default_rng(seed)
+    slopes = rng.normal(size=500) * np.where(np.arange(500) < 250, 0.01, 1.0)
+    left = rng.normal(size=500)
+    found = one_slope(slopes, left)
+    unseen = held_out_kinds(found, [0], ONE, KINDS, np.ones(13))
+    assert unseen.sum() == pytest.approx(float(np.sum(left**2)), rel=0.05)
+    # By its own, calm driving predicts nonsense.
+    calm = np.sum(slopes[:250] * left[:250]) / np.sum(slopes[:250] ** 2)
+    assert np.sum((left[250:] - calm * slopes[250:]) ** 2) > 1.3 * np.sum(left[250:] ** 2)
 
 
 def test_what_hangs_together_counts_once() -> None:

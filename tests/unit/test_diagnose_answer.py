@@ -83,14 +83,14 @@ def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monke
         "rear_cornering_stiffness_n_per_rad": (0.06, 0.03),
         "mass_kg": (0.02, 0.003),
     }
-    monkeypatch.setattr(answer.searching, "tolerance_gain", lambda _: 100.0)
+    monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_: 100.0)
     monkeypatch.setattr(answer, "values_of", lambda *_: shares)
     car = SimpleNamespace(
         front_cornering_stiffness_n_per_rad=50_000.0, rear_cornering_stiffness_n_per_rad=60_000.0, mass_kg=1500.0
     )
     drive = SimpleNamespace(car=car, steering_ratio=16.0)
     search: Any = SimpleNamespace(drive=drive, best=SimpleNamespace(effects=()), gains={})
-    error, mass = answer._parameter_errors(search)
+    error, mass = answer._parameter_errors(search, map)
     assert mass[:3] == ("mass_kg", 1500.0, pytest.approx(1530.0))
     assert error.parameter == "front_cornering_stiffness_n_per_rad"
     assert (error.configured, error.fitted, error.std) == pytest.approx((50_000.0, 46_000.0, 500.0))

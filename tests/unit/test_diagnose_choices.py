@@ -9,10 +9,10 @@ import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
-from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.fit import Slopes, exactly, fitted
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
@@ -309,8 +309,43 @@ def test_what_other_manoeuvres_deny_is_not_named() -> None:
         one.measured[:, 2] *= np.where(across > 1.5, 1.08, 0.88)
 
     one = drive({}, v, steer, change=odd)
-    trial = _Trial(one, rows_of(one), fitted(one, rows_of(one), nothing(), (), TOLERANCE), TOLERANCE)
-    step = trial(("gyro_scale", nothing()))
+    nominal = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    trial = _Trial(one, rows_of(one), nominal, TOLERANCE, Slopes(nothing(), (), (), np.zeros((0, 13, 0))))
+    step = trial.judge(trial.fit(("gyro_scale", nothing())))
     assert gained(one, trial.best, step.fit) > 15.0
     assert gained(one, trial.best, step.fit, kind="manoeuvres") < -15.0
     assert step.gain == -np.inf
+
+
+def test_slopes_that_are_known_need_not_be_taken_again() -> None:
+    """The fit is the same, and so is its judgement by its own slopes."""
+    one = drive({"gyro_scale.z": 0.03}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    columns = (*nominal.columns, *one.vocabulary.columns_of("gyro_scale"))
+    base = predicted(one, nominal.x, nominal.road)
+    there = sensitivities(one, rows, nominal.x, nominal.road, base, columns)
+    alone = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE)
+    known = Slopes(nominal.x, (), columns, there)
+    beside = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE, known=known)
+    np.testing.assert_array_equal(beside.x, alone.x)
+    judged = exactly(one, rows, beside, TOLERANCE)
+    np.testing.assert_allclose(judged.unseen, alone.unseen)
+    np.testing.assert_allclose(judged.std, alone.std)
+    assert known.of(nominal.x, ("gyro_scale", "road_bank"), columns) is None
+    assert known.of(nominal.x + 1e-9, ("gyro_scale",), columns) is None
+    assert known.of(nominal.x, ("gyro_scale",), (*columns, 99)) is None
+
+
+def test_a_spread_is_no_less_than_what_the_form_leaves_open() -> None:
+    """A form error of f that holds for 250 rows: spread >= f sqrt(250 / n) / rms of the slope."""
+    one = drive({"accel_scale.y": 0.03}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    form = np.zeros(13)
+    form[4] = 0.05
+    fit = fitted(one, rows._replace(form=form), nothing(), ("accel_scale",), TOLERANCE)
+    i = INDEX["accel_scale.y"]
+    used = rows.used[:, 4]
+    across = rows.measured[used, 4]
+    least = 0.05 * np.sqrt(250.0 / used.sum()) / np.std(across)
+    assert least < fit.std[fit.columns.index(i)] < 1.5 * least

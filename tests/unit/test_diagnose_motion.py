@@ -22,7 +22,14 @@ G = 9.80665
 
 
 def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) -> np.ndarray:
-    inputs = {"v_rate": NONE, "grip": NONE, "side_n": NONE, "bank_rad": NONE, "grade_rad": NONE} | changed
+    inputs = {
+        "v_rate": NONE,
+        "front_mps": np.zeros(0),
+        "grip": NONE,
+        "side_n": NONE,
+        "bank_rad": NONE,
+        "grade_rad": NONE,
+    } | changed
     return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
 
 
@@ -56,7 +63,7 @@ def test_slow_wheels_roll_where_they_point() -> None:
 
 def test_play_swallows_what_is_smaller_than_itself() -> None:
     car = NOMINAL._replace(backlash_rad=0.01)
-    assert not driven(car, 15.0, 0.004 * np.sin(T)).any()
+    assert not driven(car, 15.0, 0.004 * np.sin(T))[:, : motion.SPEED].any()
     row = driven(car, 15.0, np.full(len(T), 0.02) * (T > 1.0))[-1]
     assert row[motion.DELTA] == pytest.approx(0.015)
 
@@ -141,3 +148,13 @@ def test_parallel_wheels_scrub() -> None:
     scrub_nm = CF * (0.5 * TRACK) ** 2 * ((vy + LF * r) / v) * (r / v) * math.sin(delta)
     assert abs(yaw_nm) < 0.1 * scrub_nm
     assert row[motion.R] < driven(NOMINAL, v, np.full(len(T), delta))[-1, motion.R]
+
+
+def test_front_wheels_tell_the_speed() -> None:
+    """In a steady bend they roll v cos(delta) + (v_y + l_f r) sin(delta), and the car is that of that speed."""
+    delta = np.full(len(T), 0.15)
+    known = driven(NOMINAL, 9.0, delta)
+    rolls = 9.0 * math.cos(0.15) + (known[-1, motion.VY] + LF * known[-1, motion.R]) * math.sin(0.15)
+    found = driven(NOMINAL, 8.9, delta, front_mps=np.full(len(T), rolls))
+    assert found[-1, motion.SPEED] == pytest.approx(9.0, rel=1e-9)
+    np.testing.assert_allclose(found[-1], known[-1], rtol=1e-6, atol=1e-9)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 from core_cases import TUCSON
+from scipy.signal import firwin, lfilter
 
+from dsz_daemon.diagnose import profiles
 from dsz_daemon.diagnose import recording as recordings
 from dsz_daemon.diagnose.effects import (
     COLUMNS,
@@ -21,6 +24,7 @@ from dsz_daemon.diagnose.effects import (
     Parameter,
     vocabulary,
 )
+from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
@@ -342,3 +346,13 @@ def test_the_filter_has_half_the_power_at_its_corner() -> None:
 
 def test_channels_are_thirteen() -> None:
     assert len(CHANNELS) == 13
+
+
+def test_the_filters_are_scipys() -> None:
+    """Second route: its first order with the input straight between two instants, and its windowed low-pass."""
+    values, keep = np.random.default_rng(3).normal(size=(400, 6)), math.exp(-DT_S / 0.05)
+    share = 1.0 + (keep - 1.0) * 0.05 / DT_S
+    zi = (values[0] * (1.0 - share))[np.newaxis]
+    expected = lfilter([share, 1.0 - keep - share], [1.0, -keep], values, axis=0, zi=zi)[0]
+    np.testing.assert_allclose(followed(values, 0.05, DT_S), expected, atol=1e-12)
+    np.testing.assert_allclose(profiles._ROAD_KERNEL, firwin(201, 1.5, fs=1.0 / DT_S), atol=1e-15)
