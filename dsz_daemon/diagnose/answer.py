@@ -29,6 +29,8 @@ from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
 _STIFFNESS_SHARE = 0.05
+# One number at least has to be off zero by so many of its spreads, or all of them together have to gain much.
+_LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
@@ -112,8 +114,11 @@ def _cause(found: Search, effect: str) -> Cause | None:
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
     least = {p.name: p.least for p in described.parameters}
+    surely = found.gains[effect] > _SURE
     named = [
-        abs(value) >= least[name] for name, (value, _) in values.items() if math.isfinite(least.get(name, math.inf))
+        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
+        for name, (value, std) in values.items()
+        if math.isfinite(least.get(name, math.inf))
     ]
     if named and not any(named):
         return None

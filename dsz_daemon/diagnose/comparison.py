@@ -38,12 +38,15 @@ _TURN_THE_GYROS = frozenset(
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
+_NONE = np.zeros(len(CHANNELS))
+
 
 class Rows(NamedTuple):
     """The rows that are compared: `used` (k, 13) which channels of each count, `block` (k,) its block of BLOCK_S.
 
     `form` (13,) is what the simulation's form alone may be off by, in each channel's unit. `together`: by name, for
-    each block of what it is one (a manoeuvre, a recording), where there is more than one of these.
+    each block of what it is one (a manoeuvre, a recording), where there is more than one of these. `steps` (13,): of
+    `form`, what comes of the steering's resolution, and stays as long as a bend.
     """
 
     at: Ints
@@ -52,6 +55,7 @@ class Rows(NamedTuple):
     measured: Floats
     form: Floats
     together: Mapping[str, Ints] = MappingProxyType({})
+    steps: Floats = _NONE
 
 
 def rows_of(drive: Drive) -> Rows:
@@ -85,10 +89,12 @@ def rows_of(drive: Drive) -> Rows:
     understeer = 0.5 * car.mass_kg * softness / car.wheelbase_m
     turns = moving / (car.wheelbase_m + understeer * moving**2)
     step_rad = drive.recording.steering_step_rad / math.sqrt(12.0)
+    steps = np.zeros(len(CHANNELS))
     for c, per_rad in ((2, turns), (4, turns * moving)):
-        form[c] = math.hypot(form[c], step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0)
+        steps[c] = step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0
+    form = np.hypot(form, steps)
     block = (at * DT_S / BLOCK_S).astype(np.int64)
-    return Rows(at, used, block, np.where(used, measured, 0.0), form, _together(drive, at, used, block))
+    return Rows(at, used, block, np.where(used, measured, 0.0), form, _together(drive, at, used, block), steps)
 
 
 def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:

@@ -343,12 +343,13 @@ TOLERATED = (
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
 # How much of the driving and braking force turns with the front wheels, and how parallel these steer: cars are drawn
-# with it and without, with two wheels or four. And by how few milliseconds the steering comes early or late:
-# simulations hold their inputs for a step, and messages wait for each other.
+# with it and without, with two wheels or four. And by how few milliseconds the steering comes early or late, or
+# forces are ahead of motion: simulations hold their inputs for a step, and messages wait for each other.
 FORM = (
     Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("steering_skew_s", "s", 0.002, -0.003, 0.003, math.inf),
+    Parameter("hasty_s", "s", 0.002, -0.005, 0.005, math.inf),
 )
 
 

@@ -32,10 +32,12 @@ UPRIGHT = 5
 MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
 # No effect of a real car is to the letter what the simulation makes of it.
 _EFFECT_FORM = 0.03
+# Least of all the limit of grip: every tyre has a curve of its own.
+_GRIP_FORM, _GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # And its parameter is so uncertain at least.
 _OF_ITSELF = 0.02
-# What the form is off by stays so for many rows: a bend through which the steering stands between two of its steps.
-_FORM_LASTS_ROWS = 250
+# Through a long bend the steering stands between two of its steps, for so many rows.
+_STEPS_LAST_ROWS = 250
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {"cornering_stiffness": _TOLERATED[:2], "steering_delay": (INDEX["steering_skew_s"],)}
@@ -207,7 +209,7 @@ def _judged(
         name: held_out_kinds(found, lasting, box, kind, per_row) * scatter**2 for name, kind in rows.together.items()
     }
     form = _form(drive, rows, x, effects, base)
-    std = np.hypot(_spread(found, per_row, box, form / scatter), _OF_ITSELF * np.abs(x[list(columns)]))
+    std = np.hypot(_spread(found, per_row, box, rows.steps / scatter), _OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
@@ -222,7 +224,7 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
     change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
-    found = np.hypot(rows.form, _EFFECT_FORM * rms)
+    found = np.hypot(rows.form, (_GRIP_FORM if _GRIP & set(effects) else _EFFECT_FORM) * rms)
     if {"road_bank", "road_grade"} & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
@@ -237,15 +239,15 @@ def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
     return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
 
 
-def _spread(found: Sums, per_row: Floats, box: Box, form: Floats) -> Floats:
-    """Standard deviations by the sandwich over blocks, no less than autocorrelation and the simulation's form allow.
+def _spread(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:
+    """Standard deviations by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
-    `form` (13,), in the channels' scatter.
+    `steps` (13,), in the channels' scatter.
     """
     bread = np.linalg.inv(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
-    lasting = np.maximum(power * per_row, form**2 * _FORM_LASTS_ROWS)
+    lasting = np.maximum(power * per_row, steps**2 * _STEPS_LAST_ROWS)
     meat = np.einsum("bcij,c->ij", found.squares, lasting)
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block

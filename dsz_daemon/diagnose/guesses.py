@@ -17,6 +17,8 @@ _SHORTEST_S = 2.0
 _YAW, _ACROSS = 2, 4
 # Grip is used up to this share where it is felt first.
 _USED = 0.8
+# Not 0, so that it is fitted.
+_SOME_SHARPNESS = 0.01
 
 
 def guesses(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
@@ -72,6 +74,7 @@ def _slippery(rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
     friction = max(float(np.quantile(np.abs(across), 0.98)) / _USED / STANDARD_GRAVITY_MPS2, 0.05)
     start = x.copy()
     start[INDEX["low_friction.inverse_square"]] = friction**-2
+    start[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
     start[INDEX["low_friction.start_s"]] = rows.at[first] * DT_S
     start[INDEX["low_friction.end_s"]] = rows.at[last - 1] * DT_S
     return [("low_friction", start)]

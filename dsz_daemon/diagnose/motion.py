@@ -53,6 +53,7 @@ class CarModel(NamedTuple):
     steered_pull: float
     parallel_steer: float
     front_track_m: float
+    hasty_s: float
 
 
 @compiled
@@ -149,7 +150,13 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             ay = (steered + rear + outside + scrub_n) / car.mass_kg
             r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) / car.yaw_inertia_kgm2
         row = rows[i]
-        row[0], row[1], row[2], row[3], row[4] = vy, r, r_rate, ay, front
+        # A hasty simulation shows the force of this moment's steering on motion that is half a step behind it.
+        ahead = 0.0
+        if v >= ROLLING_MPS:
+            turned = steer_rad[min(i + 1, len(v_mps) - 1)] - steer_rad[max(i - 1, 0)]
+            ahead = car.front_stiffness * car.hasty_s * turned / (2.0 * dt_s)
+        row[0], row[1], row[4] = vy, r, front
+        row[2], row[3] = r_rate + ahead * lf / car.yaw_inertia_kgm2, ay + ahead / car.mass_kg
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
         row[10] = v
         # The body on its springs, to the next row.

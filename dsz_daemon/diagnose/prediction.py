@@ -30,7 +30,9 @@ CHANNELS = (
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
-_PULL_KERNEL = filter_kernel(0.1)
+_PULL_KERNEL = filter_kernel(0.07)
+# Slip takes a share of what the wheels roll, and follows from what is left.
+_SLIP_ROUNDS = 2
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -171,9 +173,11 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     slips = np.zeros((len(v), 4))
     if at("wheel_slip.slip_per_force") != 0.0:
         # A speed that is differentiated for its slip is differentiated again for its acceleration: less noise first.
-        pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
-        slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
-        v = v / (1.0 + slips[:, own.start])
+        rolls = v
+        for _ in range(_SLIP_ROUNDS):
+            pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
+            slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
+            v = rolls / (1.0 + slips[:, own.start])
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf = car.cg_to_front_axle_m * (1.0 + at("cg_to_front_axle_m")) - shift
     lr = car.cg_to_rear_axle_m * (1.0 + at("cg_to_rear_axle_m")) + shift
@@ -201,6 +205,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("steered_pull"),
         at("parallel_steer"),
         front_track_m,
+        at("hasty_s"),
     )
     v_rate = np.gradient(v, DT_S)
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)

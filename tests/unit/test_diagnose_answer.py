@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dsz_daemon.diagnose import aliases, answer
+from dsz_daemon.diagnose.effects import BUILT_IN
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.search import Step
 
@@ -138,3 +139,18 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
     np.testing.assert_allclose(answer._told_road(search)[0].grade_rad, waves, atol=1e-5)
+
+
+@pytest.mark.parametrize(("gain", "std", "is_named"), [(30.0, 0.004, True), (30.0, 0.02, False), (300.0, 0.02, True)])
+def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
+    monkeypatch: pytest.MonkeyPatch, gain: float, std: float, is_named: bool
+) -> None:
+    values = {axis: (0.03 if axis == "z" else 0.0, std) for axis in "xyz"}
+    monkeypatch.setattr(answer, "_values", lambda *_: values)
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}}
+    )
+    assert (answer._cause(search, "gyro_scale") is not None) is is_named

@@ -337,13 +337,13 @@ def test_slopes_that_are_known_need_not_be_taken_again() -> None:
     assert known.of(nominal.x, ("gyro_scale",), (*columns, 99)) is None
 
 
-def test_a_spread_is_no_less_than_what_the_form_leaves_open() -> None:
-    """A form error of f that holds for 250 rows: spread >= f sqrt(250 / n) / rms of the slope."""
+def test_a_spread_is_no_less_than_what_the_steerings_steps_leave_open() -> None:
+    """An error of f that holds for 250 rows: spread >= f sqrt(250 / n) / rms of the slope."""
     one = drive({"accel_scale.y": 0.03}, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    form = np.zeros(13)
-    form[4] = 0.05
-    fit = fitted(one, rows._replace(form=form), nothing(), ("accel_scale",), TOLERANCE)
+    steps = np.zeros(13)
+    steps[4] = 0.05
+    fit = fitted(one, rows._replace(steps=steps), nothing(), ("accel_scale",), TOLERANCE)
     i = INDEX["accel_scale.y"]
     used = rows.used[:, 4]
     across = rows.measured[used, 4]

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
-NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK)
+NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK, 0.0)
 DT_S = 0.01
 T = DT_S * np.arange(1000)
 NONE = np.zeros(len(T))
@@ -158,3 +158,25 @@ def test_front_wheels_tell_the_speed() -> None:
     found = driven(NOMINAL, 8.9, delta, front_mps=np.full(len(T), rolls))
     assert found[-1, motion.SPEED] == pytest.approx(9.0, rel=1e-9)
     np.testing.assert_allclose(found[-1], known[-1], rtol=1e-6, atol=1e-9)
+
+
+def test_a_hasty_simulation_is_half_a_step_behind_its_own_forces() -> None:
+    """Second route: Heun steps of 10 ms that hold the steering, against a car whose motion is 5 ms late."""
+    steer, v, state = 0.03 * np.sin(4.0 * T) * np.clip(T - 1.0, 0.0, 1.0) ** 2, 12.0, np.zeros(2)
+    shows = np.zeros((len(T), 2))
+
+    def rates(at: np.ndarray, delta: float) -> np.ndarray:
+        front = -CF * (math.atan((at[0] + LF * at[1]) / v) - delta)
+        rear = -CR * math.atan((at[0] - LR * at[1]) / v)
+        along = front * math.cos(delta)
+        return np.array([(along + rear) / M - at[1] * v, (along * LF - rear * LR) / IZ])
+
+    for i, delta in enumerate(steer):
+        rate = rates(state, delta)
+        shows[i] = rate[0] + state[1] * v, state[1]
+        state = state + 0.5 * DT_S * (rate + rates(state + DT_S * rate, delta))
+    late = np.interp(T - 0.5 * DT_S, T, steer)
+    prompt, hasty = (driven(NOMINAL._replace(hasty_s=by_s), v, late) for by_s in (0.0, 0.5 * DT_S))
+    off = [float(np.std(rows[:, motion.AY] - shows[:, 0])) for rows in (prompt, hasty)]
+    assert off[1] < 0.1 * off[0]
+    assert np.std(hasty[:, motion.R] - shows[:, 1]) < 2e-3 * np.std(shows[:, 1])
