@@ -129,11 +129,14 @@ def _cause(found: Search, effect: str) -> Cause | None:
     }
     values, units = _as_told(effect, _on_the_clock(found, values), units)
     group, others = alternatives(found, effect)
+    words = described.words.format(**{name: value for name, (value, _) in values.items()})
+    if effect == "wheel_radius" and _shares_a_factor(found):
+        words += ", but for a factor that all share, which this drive does not tell"
     odds = sum(float(one["probability"]) for one in others if one["effect"] not in group)
     return Cause(
         effect,
         1.0 - odds,
-        described.words.format(**{name: value for name, (value, _) in values.items()}),
+        words,
         {name: Value(value, std, units[name]) for name, (value, std) in values.items()},
         described.equation,
         found.gains[effect],
@@ -179,6 +182,8 @@ def _values(found: Search, effect: str) -> Told:
         "side_wind": ("rms_n", profiles.side_n),
     }.get(effect)
     values: Told = dict(values_of(found.drive, found.best, effect))
+    if effect == "wheel_radius" and _shares_a_factor(found):
+        values = _apart(found, values)
     if "inverse_square" in values:
         square, std = values["inverse_square"]
         mean, spread = over_shapes(*_front_share(found, effect))
@@ -188,6 +193,31 @@ def _values(found: Search, effect: str) -> Told:
         return values
     name, course = profile
     return {name: (float(np.sqrt(np.mean(course[_driven(found)] ** 2))), None)}
+
+
+def _of_radii(found: Search) -> tuple[Floats, Floats]:
+    """The wheels' radii (4,), as shares beyond 1, and their covariance (4, 4)."""
+    best = found.best
+    columns = found.drive.vocabulary.columns_of("wheel_radius")
+    places = [best.columns.index(i) for i in columns]
+    covariance = np.zeros((4, 4)) if best.covariance is None else best.covariance[np.ix_(places, places)]
+    return best.x[list(columns)], covariance
+
+
+def _shares_a_factor(found: Search) -> bool:
+    """Whether all radii may be off by one factor that this drive does not tell."""
+    radii, covariance = _of_radii(found)
+    return abs(float(np.mean(radii))) < _LEAST_SPREADS * math.sqrt(float(np.sum(covariance))) / 4.0
+
+
+def _apart(found: Search, values: Told) -> Told:
+    """Radii against their mean, with the spread of that."""
+    radii, covariance = _of_radii(found)
+    against = np.eye(4) - 0.25
+    spread = np.sqrt(np.diag(against @ covariance @ against.T))
+    return {
+        name: (value, std) for name, value, std in zip(values, (against @ radii).tolist(), spread.tolist(), strict=True)
+    }
 
 
 def _driven(found: Search) -> Ints:

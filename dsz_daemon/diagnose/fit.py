@@ -66,6 +66,7 @@ class Fit(NamedTuple):
     form: Floats
     together: Mapping[str, Floats] = MappingProxyType({})
     felt: Felt | None = None
+    covariance: Floats | None = None
 
 
 class Slopes(NamedTuple):
@@ -209,11 +210,12 @@ def _judged(
         name: held_out_kinds(found, lasting, box, kind, per_row) * scatter**2 for name, kind in rows.together.items()
     }
     form = _form(drive, rows, x, effects, base)
-    std = np.hypot(_spread(found, per_row, box, rows.steps / scatter), _OF_ITSELF * np.abs(x[list(columns)]))
+    covariance = _covariance(found, per_row, box, rows.steps / scatter)
+    std = np.hypot(np.sqrt(np.diag(covariance)), _OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
-    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt)
+    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance)
 
 
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
@@ -239,8 +241,8 @@ def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
     return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
 
 
-def _spread(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:
-    """Standard deviations by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
+def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:
+    """Covariance (p, p) by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
     `steps` (13,), in the channels' scatter.
     """
@@ -253,5 +255,7 @@ def _spread(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
     prior = bread @ np.diag(box.weight) @ bread
-    variance = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+    whole = one + prior
+    more = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
+    share = np.sqrt(np.maximum(more, 0.0) / np.maximum(np.diag(whole), 1e-300))
+    return np.asarray(whole * share * share[:, np.newaxis], dtype=np.float64)

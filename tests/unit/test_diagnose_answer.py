@@ -154,3 +154,22 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
         drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}}
     )
     assert (answer._cause(search, "gyro_scale") is not None) is is_named
+
+
+def radii_of(radii: list[float], covariance: np.ndarray) -> Any:
+    x = nothing()
+    columns = BUILT_IN.columns_of("wheel_radius")
+    x[list(columns)] = radii
+    best = SimpleNamespace(x=x, columns=columns, covariance=covariance)
+    return SimpleNamespace(best=best, drive=SimpleNamespace(vocabulary=BUILT_IN))
+
+
+def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() -> None:
+    """Each is sure to 0.001, all together to 0.05: the mean of four shares of 0.05 and of independent ones."""
+    covariance = 0.05**2 * np.ones((4, 4)) + 0.001**2 * np.eye(4)
+    search = radii_of([-0.06, -0.06, -0.056, -0.056], covariance)
+    assert answer._shares_a_factor(search)
+    told = answer._apart(search, dict.fromkeys(("fl", "fr", "rl", "rr"), (0.0, None)))
+    assert [value for value, _ in told.values()] == pytest.approx([-0.002, -0.002, 0.002, 0.002])
+    assert [std for _, std in told.values()] == pytest.approx([0.001 * 0.75**0.5] * 4)
+    assert not answer._shares_a_factor(radii_of([-0.06] * 4, 0.02**2 * np.ones((4, 4))))

@@ -349,3 +349,15 @@ def test_a_spread_is_no_less_than_what_the_steerings_steps_leave_open() -> None:
     across = rows.measured[used, 4]
     least = 0.05 * np.sqrt(250.0 / used.sum()) / np.std(across)
     assert least < fit.std[fit.columns.index(i)] < 1.5 * least
+
+
+def test_what_two_parameters_share_is_in_their_covariance() -> None:
+    """Radii of a wheel pair in a straight drive: their difference is told by the wheels, their sum by a_x alone."""
+    v = 12.0 + 4.0 * np.sin(0.3 * T)
+    one = drive({"wheel_radius.rl": 0.01, "wheel_radius.rr": -0.01}, v, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), ("wheel_radius",), TOLERANCE)
+    place = [fit.columns.index(INDEX[f"wheel_radius.{wheel}"]) for wheel in ("rl", "rr")]
+    assert fit.covariance is not None
+    [[rl, both], [_, rr]] = fit.covariance[np.ix_(place, place)]
+    assert rl + rr - 2.0 * both < 0.5 * (rl + rr + 2.0 * both)
+    assert np.sqrt(rl) == pytest.approx(np.sqrt(fit.std[place[0]] ** 2 - (0.02 * fit.x[INDEX["wheel_radius.rl"]]) ** 2))
