@@ -36,7 +36,7 @@ def alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str, 
     return group, [
         {"effect": name, "probability": weight / total}
         for name, weight in weights.items()
-        if name != effect and weight > 1e-6 * total
+        if name != effect and name not in _NAMELESS and weight > 1e-6 * total
     ]
 
 

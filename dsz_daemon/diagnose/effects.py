@@ -195,7 +195,7 @@ EFFECTS: tuple[Effect, ...] = (
         "Lateral force builds up over {relaxation_length_m:.2f} m",
         "sigma F' = v (F_static - F)",
         CAR,
-        (Parameter("relaxation_length_m", "m", 0.5, 0.0, 4.0, 0.1),),
+        (Parameter("relaxation_length_m", "m", 0.5, 0.0, 4.0, 0.06),),
     ),
     Effect(
         "wheel_slip",
@@ -203,7 +203,7 @@ EFFECTS: tuple[Effect, ...] = (
         "r omega = v (1 + k F_x / F_z)",
         WHEELS,
         (
-            Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.005),
+            Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.004),
             # Against brakes that work by static load.
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
         ),
@@ -241,7 +241,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The steering has {width_rad:.4f} rad of play at the road wheels",
         "delta follows within +- width/2",
         CAR,
-        (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 0.001),),
+        (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),),
     ),
     Effect(
         "mass_loading",
