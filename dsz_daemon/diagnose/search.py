@@ -7,7 +7,7 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -30,8 +30,9 @@ _A_PARAMETER = 3.0
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
 _TRIED = 7
-# By slopes that are a step old, what gains so much of the most, and is not hopeless, is judged by its own.
-_HOPEFUL, _HOPELESS = 0.4, -30.0
+# By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
+# is hopeless.
+_HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -99,9 +100,7 @@ def searched(
         starts, known = _starts(drive, rows, best, tolerance, each)
         trial = _Trial(drive, rows, best, tolerance, known)
         tried = list(each(trial.fit, [start for start in starts if start[0] not in refused]))
-        enough = max(_HOPEFUL * max((step.gain for step in tried), default=0.0), _HOPELESS)
-        tried = list(each(trial.judge, [step for step in tried if step.gain > enough]))
-        tried = _ranked(drive, best, tried)
+        tried = _ranked(drive, best, _judged(trial, tried, each))
         shape = best_shape(drive, rows, best)
         if shape is not None and shape.gain > _SURELY * max((step.gain for step in tried), default=0.0):
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
@@ -187,6 +186,16 @@ class _Trial:
     def _elsewhere(self, fit: Fit) -> float:
         gains = [gained(self.drive, self.best, fit, kind=kind) for kind in self.rows.together]
         return min(gains, default=0.0)
+
+
+def _judged(trial: _Trial, tried: Iterable[Step], each: Each) -> list[Step]:
+    """Those that may be the best, by their own slopes; where one of them is denied, those that come after it, too."""
+    rest, judged = sorted(tried, key=lambda step: -step.gain), list[Step]()
+    while rest and rest[0].gain > max([_HOPELESS, *(step.gain for step in judged)]):
+        enough = max(min(_HOPEFUL * rest[0].gain, rest[0].gain - _OFF), _HOPELESS)
+        judged += each(trial.judge, [step for step in rest if step.gain > enough])
+        rest = [step for step in rest if step.gain <= enough]
+    return judged
 
 
 def _is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:

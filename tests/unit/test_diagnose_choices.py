@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
-from dsz_daemon.diagnose.search import Search, _Trial, gained, searched
+from dsz_daemon.diagnose.search import Search, Step, _judged, _Trial, gained, searched
 from dsz_daemon.diagnose.unlisted import unlisted
 
 N = 6000
@@ -361,3 +363,35 @@ def test_what_two_parameters_share_is_in_their_covariance() -> None:
     [[rl, both], [_, rr]] = fit.covariance[np.ix_(place, place)]
     assert rl + rr - 2.0 * both < 0.5 * (rl + rr + 2.0 * both)
     assert np.sqrt(rl) == pytest.approx(np.sqrt(fit.std[place[0]] ** 2 - (0.02 * fit.x[INDEX["wheel_radius.rl"]]) ** 2))
+
+
+def test_where_the_best_is_denied_the_next_is_judged() -> None:
+    """By slopes that are a step old: 1000, 300, 5, -40; the first is denied, the last is hopeless."""
+    asked: list[str] = []
+
+    def judge(step: Step) -> Step:
+        asked.append(step.effect)
+        return step._replace(gain=-np.inf if step.effect == "first" else step.gain)
+
+    none: Any = None
+    steps = [
+        Step(name, gain, none) for name, gain in (("last", -40.0), ("first", 1000.0), ("third", 5.0), ("second", 300.0))
+    ]
+    trial: Any = SimpleNamespace(judge=judge)
+    assert [step.effect for step in _judged(trial, steps, map)] == ["first", "second"]
+    assert asked == ["first", "second"]
+    assert [step.effect for step in _judged(trial, steps[::3], map)] == ["second"]
+    assert _judged(trial, steps[:1], map) == []
+    assert [step.effect for step in _judged(trial, steps[::2], map)] == ["third"]
+
+
+def test_a_tyres_limit_is_drawn_more_coarsely_than_all_else() -> None:
+    """A tenth of what the limit does to a channel may be the curve's own shape."""
+    steer = 0.10 * np.sin(0.9 * T)
+    one = drive({"tyre_saturation.inverse_square": 2.0}, np.full(N, 14.0), steer)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("tyre_saturation",), TOLERANCE)
+    without = fit.x.copy()
+    without[list(one.vocabulary.columns_of("tyre_saturation"))] = 0.0
+    change = (predicted(one, fit.x, fit.road) - predicted(one, without, flat(N)))[rows.at, 4][rows.used[:, 4]]
+    assert fit.form[4] == pytest.approx(np.hypot(rows.form[4], 0.1 * np.sqrt(np.mean(change**2))))

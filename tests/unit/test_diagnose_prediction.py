@@ -356,3 +356,14 @@ def test_the_filters_are_scipys() -> None:
     expected = lfilter([share, 1.0 - keep - share], [1.0, -keep], values, axis=0, zi=zi)[0]
     np.testing.assert_allclose(followed(values, 0.05, DT_S), expected, atol=1e-12)
     np.testing.assert_allclose(profiles._ROAD_KERNEL, firwin(201, 1.5, fs=1.0 / DT_S), atol=1e-15)
+
+
+def test_slip_follows_from_the_speed_without_it() -> None:
+    """Rear wheels that only brake roll v (1 + k v'/g); by what they roll themselves, the speed is further off."""
+    k, v = 0.1, 15.0 + 3.0 * np.sin(2.0 * T)
+    slips = k * np.minimum(np.gradient(v, DT_S), 0.0) / G
+    rolls = v * (1.0 + slips)
+    once = rolls / (1.0 + k * np.minimum(np.gradient(rolls, DT_S), 0.0) / G)
+    found = shown(drive(rolls), wheel_slip__slip_per_force=k)[:, CHANNELS.index("reference_vx_mps")]
+    inside = slice(100, -100)
+    assert np.std((found - v)[inside]) < 0.5 * np.std((once - v)[inside]) < 0.5 * np.std((rolls - v)[inside])

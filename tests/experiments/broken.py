@@ -1,0 +1,113 @@
+"""What `dsz diagnose` says of recordings that were broken on purpose, in which no physics is left out; Markdown.
+
+    python tests/experiments/broken.py [--seed 500] [--cars 10] [--jobs 2]
+
+Recordings of `other_cars.py`: every twentieth frame lost, the IMU's frames in any order, another car's configuration.
+Of the last, effects that are configured numbers (mass, stiffness, ratio, radii) are what is to be said, and no others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import other_cars
+import yaml
+
+from dsz_daemon.errors import DszError
+from dsz_daemon.runs.diagnose import diagnose
+
+_SECONDS = 150.0
+# What a configuration says of a car.
+CONFIGURED = {"mass_loading", "cornering_stiffness", "steering_ratio", "wheel_radius", "steering_compliance"}
+
+
+def lost(folder: Path, seed: int) -> None:
+    """Every twentieth frame never came, at random."""
+    log, rng = folder / "recording.log", random.Random(seed)
+    log.write_text("".join(line for line in log.read_text().splitlines(keepends=True) if rng.random() > 0.05))
+
+
+def shuffled(folder: Path, seed: int) -> None:
+    """Gyros' and accelerometers' payloads in any order, each message's own."""
+    log, rng = folder / "recording.log", random.Random(seed)
+    lines = [line.split() for line in log.read_text().splitlines()]
+    dbc = (folder / "car.dbc").read_text().splitlines()
+    ids = {
+        f"{int(line.split()[1]):03X}" for line in dbc if line.startswith("BO_ ") and ("RATES" in line or "FORC" in line)
+    }
+    for one in ids:
+        places = [k for k, (_, _, frame) in enumerate(lines) if frame.startswith(f"{one}#")]
+        frames = [lines[k][2] for k in places]
+        rng.shuffle(frames)
+        for k, frame in zip(places, frames, strict=True):
+            lines[k][2] = frame
+    log.write_text("".join(f"{' '.join(line)}\n" for line in lines))
+
+
+def another_car(folder: Path, seed: int) -> None:
+    """The next seed's car is configured; wheel radii and signals stay, or no speed is right."""
+    config = folder / "config.yaml"
+    with tempfile.TemporaryDirectory() as name:
+        other_cars.make(Path(name), seed + 1, "city", {}, 30.0)
+        other = yaml.safe_load((Path(name) / "config.yaml").read_text())
+    mine = yaml.safe_load(config.read_text())
+    kept = {key: mine["vehicle"][key] for key in ("wheel_radius_m", "driven_axle")}
+    config.write_text(yaml.safe_dump(mine | {"vehicle": other["vehicle"] | kept}))
+
+
+BROKEN: dict[str, Callable[[Path, int], None]] = {
+    "5 % of the frames lost": lost,
+    "the IMU's frames in any order": shuffled,
+    "another car's configuration": another_car,
+}
+
+
+def said(case: tuple[str, int]) -> tuple[list[str], list[str], str]:
+    """Causes, parameter errors and shapes, verdict."""
+    how, seed = case
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        other_cars.make(folder, seed, "city", {}, _SECONDS)
+        BROKEN[how](folder, seed)
+        try:
+            found: dict[str, Any] = diagnose([folder / "recording.log"], folder / "config.yaml", folder / "out")
+        except DszError as error:
+            return [], [], f"refused: {error}".splitlines()[0][:100]
+        told = [one["parameter"] for one in found["parameter_errors"]]
+        shapes = [f"{one['channel']} {one['shape']}" for one in found["unlisted"]]
+        return [cause["effect"] for cause in found["causes"]] + shapes, told, found["verdict"]
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--seed", type=int, default=500)
+    parser.add_argument("--cars", type=int, default=10)
+    parser.add_argument("--jobs", type=int, default=2)
+    asked = parser.parse_args()
+    print(
+        "| broken | named, beyond what is configured | configured numbers named | verdicts |\n|---|---|---|---|",
+        flush=True,
+    )
+    with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
+        for how in BROKEN:
+            answers = list(pool.map(said, [(how, asked.seed + k) for k in range(asked.cars)]))
+            beyond = [", ".join(one for one in named if one not in CONFIGURED) for named, _, _ in answers]
+            wrong = [words for words in beyond if words]
+            configured = sum(bool(told or CONFIGURED & set(named)) for named, told, _ in answers)
+            verdicts = sorted({verdict for _, _, verdict in answers})
+            counts = ", ".join(f"{verdict} {sum(v == verdict for _, _, v in answers)}" for verdict in verdicts)
+            print(
+                f"| {how} | {len(wrong)} of {len(answers)} {'; '.join(wrong)} | {configured} | {counts} |", flush=True
+            )
+
+
+if __name__ == "__main__":
+    main()
