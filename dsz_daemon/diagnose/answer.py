@@ -43,6 +43,13 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
     ("steering_ratio", "scale"),
     ("cornering_stiffness", "front_scale"),
     ("cornering_stiffness", "rear_scale"),
+    ("track_width", "front"),
+    ("track_width", "rear"),
+}
+# What is configured, by the effect that it is where it is off by more than its tolerance.
+_BEYOND = {
+    "cornering_stiffness": {f"{axle}_cornering_stiffness_n_per_rad": f"{axle}_scale" for axle in ("front", "rear")},
+    "track_width": {f"{axle}_track_m": axle for axle in ("front", "rear")},
 }
 
 
@@ -274,14 +281,14 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
 
 def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
-    beyond = "cornering_stiffness" in found.best.effects
+    beyond = [effect for effect in _BEYOND if effect in found.best.effects]
     least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
     if not beyond and searching.tolerance_gain(found, each) < least:
         return []
     values = values_of(found.drive, found.best, "")
-    if beyond:
-        far = values_of(found.drive, found.best, "cornering_stiffness")
-        values |= {f"{axle}_cornering_stiffness_n_per_rad": far[f"{axle}_scale"] for axle in ("front", "rear")}
+    for effect in beyond:
+        far = values_of(found.drive, found.best, effect)
+        values |= {key: far[name] for key, name in _BEYOND[effect].items()}
     errors = []
     for parameter in TOLERATED:
         key = parameter.name

@@ -66,8 +66,7 @@ def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
-# How quickly a body leans, and how soon it is still, against the kernel's own values, and how far the C.G. is above
-# (and ahead of) the axis that it leans about; nobody is told of these.
+# How quickly a body leans, how soon it is still, and how far the C.G. is above (and ahead of) its axis: never told.
 _BODY = (
     Parameter("frequency_share", "1", 0.1, -0.5, 1.0, math.inf),
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
@@ -264,6 +263,13 @@ EFFECTS: tuple[Effect, ...] = (
         ),
     ),
     Effect(
+        "track_width",
+        "Tracks are {front:.3f} (front) and {rear:.3f} (rear) of what is configured",
+        "v = v_x -+ r track / 2",
+        WHEELS,
+        _even("front rear", "1", 0.05, 0.5, 0.01),
+    ),
+    Effect(
         "sensor_saturation",
         "Readings clip",
         "|reading| <= limit",
@@ -342,9 +348,8 @@ TOLERATED = (
     *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
-# How much of the driving and braking force turns with the front wheels, and how parallel these steer: cars are drawn
-# with it and without, with two wheels or four. And by how few milliseconds the steering comes early or late, or
-# forces are ahead of motion: simulations hold their inputs for a step, and messages wait for each other.
+# Does the driving force turn with the front wheels, do these steer alike: cars are drawn either way. By which few
+# milliseconds is the steering late, or motion behind forces: simulations hold inputs, messages wait for each other.
 FORM = (
     Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
@@ -393,8 +398,3 @@ BUILT_IN = vocabulary()
 COLUMNS = BUILT_IN.columns
 INDEX = {(f"{effect}." if effect else "") + parameter.name: i for i, (effect, parameter) in enumerate(COLUMNS)}
 NUISANCES = tuple(range(len(OFFSETS) + len(TOLERATED) + len(FORM)))
-
-
-def columns_of(effect: str) -> tuple[int, ...]:
-    """Where the parameters of one built-in effect stand."""
-    return BUILT_IN.columns_of(effect)

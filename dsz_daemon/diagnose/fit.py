@@ -40,7 +40,11 @@ _OF_ITSELF = 0.02
 _STEPS_LAST_ROWS = 250
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
-_INSTEAD_OF = {"cornering_stiffness": _TOLERATED[:2], "steering_delay": (INDEX["steering_skew_s"],)}
+_INSTEAD_OF = {
+    "cornering_stiffness": _TOLERATED[:2],
+    "track_width": (INDEX["front_track_m"], INDEX["rear_track_m"]),
+    "steering_delay": (INDEX["steering_skew_s"],),
+}
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001

@@ -183,7 +183,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     lr = car.cg_to_rear_axle_m * (1.0 + at("cg_to_rear_axle_m")) + shift
     front = at("front_cornering_stiffness_n_per_rad") + at("cornering_stiffness.front_scale")
     rear = at("rear_cornering_stiffness_n_per_rad") + at("cornering_stiffness.rear_scale")
-    front_track_m = car.front_track_m * (1.0 + at("front_track_m"))
+    front_track_m = car.front_track_m * (1.0 + at("front_track_m") + at("track_width.front"))
     model = CarModel(
         car.mass_kg * (1.0 + at("mass_kg")) + added,
         car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2")),
@@ -213,7 +213,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()
         v_rate = np.gradient(v, DT_S)
-    tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m")))
+    tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear")))
     return Moving(m, v, v_rate, slips, radii, squares, lf, -shift, tracks_m, road)
 
 

@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vo
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
 from dsz_daemon.diagnose.fit import DRAWN, MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted, loss_of
 from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unlisted import Found, best_shape
@@ -124,7 +125,7 @@ def searched(
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains, each)
         # Beside others an effect may want to be what it can't be: then it was something else.
-        wrong = {effect for effect in best.effects if _is_implausible(drive, best, effect)}
+        wrong = {effect for effect in best.effects if is_implausible(drive, best, effect)}
         if wrong:
             refused |= wrong
             best = _without(drive, rows, best, tolerance, wrong, each)
@@ -167,7 +168,7 @@ class _Trial:
                 before, fit = fit.x, self._fitted(moved, effects)
                 if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in _moments(self.drive)):
                     break
-        if _is_implausible(self.drive, fit, effect):
+        if is_implausible(self.drive, fit, effect):
             return Step(effect, -math.inf, fit)
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
@@ -196,16 +197,6 @@ def _judged(trial: _Trial, tried: Iterable[Step], each: Each) -> list[Step]:
         judged += each(trial.judge, [step for step in rest if step.gain > enough])
         rest = [step for step in rest if step.gain <= enough]
     return judged
-
-
-def _is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
-    """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
-    for i in drive.vocabulary.columns_of(effect):
-        parameter = drive.vocabulary.columns[i][1]
-        at_end = any(end != 0.0 and abs(fit.x[i] - end) < 1e-6 * abs(end) for end in (parameter.low, parameter.high))
-        if at_end and math.isfinite(parameter.least):
-            return True
-    return False
 
 
 def _moments(drive: Drive) -> list[int]:

@@ -35,12 +35,21 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str | Element]], text
     return element("table", element("thead", element("tr", *head)), element("tbody", *body), class_="results said")
 
 
+# By how a configured parameter's name ends.
+_CONFIGURED_IN = {
+    "_n_per_rad": Unit("kN/rad", 1e-3),
+    "_kg": Unit("kg"),
+    "_kgm2": Unit("kg m2"),
+    "_m": Unit("m"),
+}
+
+
 def error_table(errors: Sequence[Mapping[str, Any]]) -> Element:
     """Configured parameters that fit better with another value."""
     rows = []
     for error in errors:
         name = told(error.get("parameter"))
-        unit = Unit("kN/rad", 1e-3) if name.endswith("_n_per_rad") else Unit("")
+        unit = next((unit for end, unit in _CONFIGURED_IN.items() if name.endswith(end)), Unit(""))
         configured, fitted, std = (real(error.get(key)) for key in ("configured", "fitted", "std"))
         interval, shown = with_interval(fitted * unit.per_si, SPREADS_95 * std * unit.per_si)
         change = 100.0 * (fitted / configured - 1.0) if configured else np.nan

@@ -38,6 +38,8 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
     ("steering_ratio", "scale"),
     ("cornering_stiffness", "front_scale"),
     ("cornering_stiffness", "rear_scale"),
+    ("track_width", "front"),
+    ("track_width", "rear"),
 }
 
 

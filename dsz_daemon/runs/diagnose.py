@@ -119,8 +119,8 @@ def words(result: dict[str, Any]) -> str:
         if cause["next_manoeuvre"]:
             lines.append(f"  to tell them apart: {cause['next_manoeuvre']}")
     for error in result["parameter_errors"]:
-        found = f"{error['fitted']:.0f} +- {error['std']:.0f}"
-        lines.append(f"- {error['parameter']}: configured {error['configured']:.0f}, fits best at {found}")
+        found = f"{error['fitted']:.4g} +- {error['std']:.1g}"
+        lines.append(f"- {error['parameter']}: configured {error['configured']:.4g}, fits best at {found}")
     lines += [
         f"- {shape['channel']}: {shape['shape']} with k = {shape['coefficient']['value']:.3g} "
         f"{shape['coefficient']['unit']}, for which there is no name"

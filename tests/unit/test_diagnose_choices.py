@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
+from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.search import Search, Step, _judged, _Trial, gained, searched
@@ -395,3 +396,28 @@ def test_a_tyres_limit_is_drawn_more_coarsely_than_all_else() -> None:
     without[list(one.vocabulary.columns_of("tyre_saturation"))] = 0.0
     change = (predicted(one, fit.x, fit.road) - predicted(one, without, flat(N)))[rows.at, 4][rows.used[:, 4]]
     assert fit.form[4] == pytest.approx(np.hypot(rows.form[4], 0.1 * np.sqrt(np.mean(change**2))))
+
+
+def test_tracks_that_are_configured_wrongly_are_said_as_such() -> None:
+    """A front track that is 6 % wider than configured: no scale error of a gyro, and told in metres."""
+    one = drive({"track_width.front": 0.06}, CITY_V, CITY_STEER)
+    said = answered(found(one))
+    [cause] = said.causes
+    assert cause.effect == "track_width"
+    assert cause.parameters["front"].value == pytest.approx(1.06, abs=0.01)
+    [error] = said.parameter_errors
+    assert (error.parameter, error.configured) == ("front_track_m", TUCSON.front_track_m)
+    assert error.fitted == pytest.approx(1.06 * TUCSON.front_track_m, rel=0.01)
+
+
+def test_no_limit_is_below_what_is_read() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    x = nothing()
+    x[INDEX["sensor_saturation.accel_limit_mps2"]] = furthest = float(np.max(np.abs(one.measured[:, 3:5])))
+    fit: Any = SimpleNamespace(x=x)
+    assert not is_implausible(one, fit, "sensor_saturation")
+    x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.5 * furthest
+    assert is_implausible(one, fit, "sensor_saturation")
+    x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.0
+    x[INDEX["sensor_saturation.gyro_limit_radps"]] = 0.5 * float(np.max(np.abs(one.measured[:, 2])))
+    assert is_implausible(one, fit, "sensor_saturation")
