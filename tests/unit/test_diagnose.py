@@ -16,6 +16,7 @@ from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.comparison import FOLDS, Rows
 from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, held_out_kinds, solved, sums
+from dsz_daemon.diagnose.fit import _covariance
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.errors import InputError
@@ -293,6 +294,18 @@ def test_what_calm_driving_leaves_open_denies_nothing(seed: int) -> None:
     # By its own, calm driving predicts nonsense.
     calm = np.sum(slopes[:250] * left[:250]) / np.sum(slopes[:250] ** 2)
     assert np.sum((left[250:] - calm * slopes[250:]) ** 2) > 1.3 * np.sum(left[250:] ** 2)
+
+
+def test_a_spread_is_that_of_whole_blocks() -> None:
+    """Errors that are the same all through a block: sum of (25 c_b)^2 over the square of 500, by hand."""
+    errors = np.random.default_rng(6).normal(size=20)
+    found = one_slope(np.ones(500), np.repeat(errors, 25))
+    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros(13))
+    assert variance == pytest.approx(float(np.sum((25.0 * errors) ** 2)) / 500.0**2)
+    # White errors of the same size: their mean square over the rows; the blocks' sums say no more than that.
+    found = one_slope(np.ones(500), np.tile([1.0, -1.0], 250))
+    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros(13))
+    assert variance == pytest.approx(1.0 / 500.0)
 
 
 def test_what_hangs_together_counts_once() -> None:
