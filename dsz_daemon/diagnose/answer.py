@@ -11,7 +11,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import Each, Ints, floors
+from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit
@@ -365,6 +365,10 @@ def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
     road = _told_road(found)[0]
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
+    if found.rows.piece is not None and drive.recording.piece is not None:
+        for shown in (nominal, fitted):
+            more = own_offsets(found.rows, found.rows.measured - shown[found.rows.at])
+            shown[:, : len(IMU_CHANNELS)] += more[drive.recording.piece]
     columns: dict[str, Floats] = {"time_s": np.asarray(first_s + drive.recording.time_s)}
     theirs = np.zeros_like(nominal) if drive.theirs is None else drive.theirs
     for c, channel in enumerate(CHANNELS):

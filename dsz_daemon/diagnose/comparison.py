@@ -12,6 +12,7 @@ import numpy as np
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
+from dsz_daemon.signals import IMU_CHANNELS
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
@@ -38,7 +39,7 @@ _TURN_THE_GYROS = frozenset(
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
-_NONE = np.zeros(len(CHANNELS))
+_NONE, _IMU = np.zeros(len(CHANNELS)), len(IMU_CHANNELS)
 
 
 class Rows(NamedTuple):
@@ -46,7 +47,8 @@ class Rows(NamedTuple):
 
     `form` (13,) is what the simulation's form alone may be off by, in each channel's unit. `together`: by name, for
     each block of what it is one (a manoeuvre, a recording), where there is more than one of these. `steps` (13,): of
-    `form`, what comes of the steering's resolution, and stays as long as a bend.
+    `form`, what comes of the steering's resolution, and stays as long as a bend. `piece` (k,): whose recording a row is
+    of, where there are several.
     """
 
     at: Ints
@@ -56,6 +58,7 @@ class Rows(NamedTuple):
     form: Floats
     together: Mapping[str, Ints] = MappingProxyType({})
     steps: Floats = _NONE
+    piece: Ints | None = None
 
 
 def rows_of(drive: Drive) -> Rows:
@@ -94,7 +97,9 @@ def rows_of(drive: Drive) -> Rows:
         steps[c] = step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0
     form = np.hypot(form, steps)
     block = (at * DT_S / BLOCK_S).astype(np.int64)
-    return Rows(at, used, block, np.where(used, measured, 0.0), form, _together(drive, at, used, block), steps)
+    together, piece = _together(drive, at, used, block), drive.recording.piece
+    own = piece[at] if piece is not None and piece[-1] > 0 else None
+    return Rows(at, used, block, np.where(used, measured, 0.0), form, together, steps, own)
 
 
 def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:
@@ -132,7 +137,30 @@ def driven_s(drive: Drive, rows: Rows) -> float:
 def residual(rows: Rows, prediction: Floats) -> Floats:
     """Measured less predicted (k, 13), 0 where a row does not count."""
     left = np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
-    return np.asarray(np.clip(np.nan_to_num(left, nan=_STEEPEST), -_STEEPEST, _STEEPEST))
+    left = np.asarray(np.clip(np.nan_to_num(left, nan=_STEEPEST), -_STEEPEST, _STEEPEST))
+    return _with_own_offsets(rows, left)
+
+
+def own_offsets(rows: Rows, values: Floats) -> Floats:
+    """How much more the values (k, 13, ...) are in each recording than in all of them: (recordings, 6, ...)."""
+    if rows.piece is None:
+        return np.zeros((1, _IMU, *values.shape[2:]))
+    found = np.zeros((int(rows.piece[-1]) + 1, _IMU, *values.shape[2:]))
+    for c in range(_IMU):
+        used = rows.used[:, c]
+        for k in range(len(found)):
+            mine = used & (rows.piece == k)
+            if mine.any():
+                found[k, c] = values[mine, c].mean(axis=0) - values[used, c].mean(axis=0)
+    return found
+
+
+def _with_own_offsets(rows: Rows, values: Floats) -> Floats:
+    """The values as they are where an IMU wakes up with offsets of its own for each recording."""
+    if rows.piece is not None:
+        values[:, :_IMU] -= own_offsets(rows, values)[rows.piece]
+        values[~rows.used] = 0.0
+    return values
 
 
 def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
@@ -207,4 +235,4 @@ def sensitivities(
         # Beside a car that is about to spin a step further is anything; nothing is learnt from that.
         kept = np.clip(np.nan_to_num(one, copy=False, nan=0.0, posinf=0.0, neginf=0.0), -_STEEPEST, _STEEPEST)
         found[place] = np.where(rows.used, kept, 0.0)
-    return np.ascontiguousarray(np.moveaxis(found, 0, 2))
+    return _with_own_offsets(rows, np.ascontiguousarray(np.moveaxis(found, 0, 2)))

@@ -157,6 +157,25 @@ def test_recordings_of_two_days_are_one_car(tmp_path: Path) -> None:
     assert {place["start_s"] > 80_000.0 for place in found["located"]} == {False, True}
 
 
+def test_each_days_offsets_are_its_own(tmp_path: Path) -> None:
+    """An IMU that wakes up 0.01 rad/s and 0.2 m/s2 further off on the second day does not drift, and lacks nothing."""
+    signals, car, ratio = signals_and_car(tmp_path)
+    day = int(86_400e9)
+    both = {}
+    for name, signal in signals.items():
+        more = {"gyro_z": 0.01, "accel_x": -0.2, "accel_y": 0.2}.get(name, 0.0)
+        t_ns, values = (
+            np.concatenate((signal.t_ns, signal.t_ns + day)),
+            np.concatenate((signal.values, signal.values + more)),
+        )
+        both[name] = signal._replace(t_ns=t_ns, values=values)
+    found = api.diagnose(both, car, ratio)
+    assert (found.said.verdict, found.said.causes, found.said.unlisted) == ("consistent", [], [])
+    one = api.diagnose(signals, car, ratio).said.offsets["offset_gyro_z"]
+    # What is told is the mean of both.
+    assert found.said.offsets["offset_gyro_z"].value == pytest.approx(one.value + 0.005, abs=5e-4)
+
+
 def test_a_reference_speed_tells_the_common_wheel_factor(tmp_path: Path) -> None:
     """All four wheels 1 % larger than configured: wheels alone can't tell; a measured speed does."""
     signals, car, ratio = signals_and_car(tmp_path, "wheel_radius:fl=1.01,fr=1.01,rl=1.01,rr=1.01")
