@@ -256,7 +256,7 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 # since whatever is wrong about the lateral motion shows in the wheels as it does in the acceleration.
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [4, 6, 7, 8]}
 # So much more than noise and form has to be left of the lateral acceleration for wind to be thought of.
-_FELT = 1.5
+_FELT = 1.2
 
 
 def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
