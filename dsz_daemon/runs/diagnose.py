@@ -109,6 +109,11 @@ def plain(said: Any) -> Any:
     return [plain(value) for value in said] if isinstance(said, (list, tuple)) else said
 
 
+def _figure(value: float) -> str:
+    """Whole numbers where there are hundreds, four digits else."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.4g}"
+
+
 def words(result: dict[str, Any]) -> str:
     """The diagnosis in some lines."""
     lines = [f"verdict: {result['verdict']}"]
@@ -119,8 +124,8 @@ def words(result: dict[str, Any]) -> str:
         if cause["next_manoeuvre"]:
             lines.append(f"  to tell them apart: {cause['next_manoeuvre']}")
     for error in result["parameter_errors"]:
-        found = f"{error['fitted']:.4g} +- {error['std']:.1g}"
-        lines.append(f"- {error['parameter']}: configured {error['configured']:.4g}, fits best at {found}")
+        configured, fitted, std = (_figure(error[key]) for key in ("configured", "fitted", "std"))
+        lines.append(f"- {error['parameter']}: configured {configured}, fits best at {fitted} +- {std}")
     lines += [
         f"- {shape['channel']}: {shape['shape']} with k = {shape['coefficient']['value']:.3g} "
         f"{shape['coefficient']['unit']}, for which there is no name"

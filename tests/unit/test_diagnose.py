@@ -344,3 +344,15 @@ def test_the_gain_is_a_log_likelihood_and_the_forms_coarseness_is_none() -> None
     assert gain(before, after, count, np.ones(1), np.zeros(1)) == pytest.approx(50.0 * np.log(4.0))
     assert gain(before, after, count, np.full(1, 2.0), np.zeros(1)) == pytest.approx(25.0 * np.log(4.0))
     assert gain(before, after, count, np.ones(1), np.full(1, 10.0)) == pytest.approx(50.0 * np.log(104.0 / 101.0))
+
+
+def test_configured_figures_have_their_digits() -> None:
+    nothing = {"verdict": "consistent", "causes": [], "unlisted": [], "same_as_offsets": [], "level": {}}
+    none = {"located": [], "fit": {}, "could_not_test": []}
+    errors = [
+        {"parameter": "front_track_m", "configured": 1.591, "fitted": 1.468, "std": 0.01},
+        {"parameter": "rear_cornering_stiffness_n_per_rad", "configured": 31296.0, "fitted": 28445.2, "std": 654.3},
+    ]
+    told = words(nothing | none | {"parameter_errors": errors})
+    assert "front_track_m: configured 1.591, fits best at 1.468 +- 0.01" in told
+    assert "rear_cornering_stiffness_n_per_rad: configured 31296, fits best at 28445 +- 654" in told
