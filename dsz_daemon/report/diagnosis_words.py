@@ -12,9 +12,16 @@ from dsz_daemon.report.diagnosis_units import entries, listed, real, significant
 from dsz_daemon.report.display import MINUS, words
 from dsz_daemon.report.results import mapping
 
-_STIFFNESS = {
+_CONFIGURED = {
     "front_cornering_stiffness_n_per_rad": "the front tyres' cornering stiffness",
     "rear_cornering_stiffness_n_per_rad": "the rear tyres' cornering stiffness",
+    "mass_kg": "the mass",
+    "yaw_inertia_kgm2": "the yaw inertia",
+    "cg_to_front_axle_m": "from the C.G. to the front axle",
+    "cg_to_rear_axle_m": "from the C.G. to the rear axle",
+    "steering_ratio": "the steering ratio",
+    "front_track_m": "the front track",
+    "rear_track_m": "the rear track",
 }
 _INTEGRATED = {"road_bank": "gyro_x", "road_grade": "gyro_y"}
 # Less than this and the fit on unseen data is as it was.
@@ -52,7 +59,7 @@ def best_gain(result: Mapping[str, Any]) -> tuple[str, float, float] | None:
 
 def parameter_words(parameter: str) -> str:
     """A configured parameter as it is spoken of."""
-    return _STIFFNESS.get(parameter, words(parameter))
+    return _CONFIGURED.get(parameter, words(parameter))
 
 
 def _cause(cause: Mapping[str, Any]) -> str:
