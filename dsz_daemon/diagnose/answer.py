@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.fit import OF_ITSELF, Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.locate import channel_names, located
@@ -31,6 +31,8 @@ _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 _STIFFNESS_SHARE = 0.05
 # One number at least has to be off zero by so many of its spreads, or all of them together have to gain much.
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
+# Of a factor that all wheels share: a drive that tells it no better does not tell it.
+_UNTOLD_FACTOR = 0.005
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
@@ -214,17 +216,17 @@ def _of_radii(found: Search) -> tuple[Floats, Floats]:
 def _shares_a_factor(found: Search) -> bool:
     """Whether all radii may be off by one factor that this drive does not tell."""
     radii, covariance = _of_radii(found)
-    return abs(float(np.mean(radii))) < _LEAST_SPREADS * math.sqrt(float(np.sum(covariance))) / 4.0
+    spread = math.sqrt(float(np.sum(covariance))) / 4.0
+    return spread > _UNTOLD_FACTOR and abs(float(np.mean(radii))) < _LEAST_SPREADS * spread
 
 
 def _apart(found: Search, values: Told) -> Told:
     """Radii against their mean, with the spread of that."""
     radii, covariance = _of_radii(found)
     against = np.eye(4) - 0.25
-    spread = np.sqrt(np.diag(against @ covariance @ against.T))
-    return {
-        name: (value, std) for name, value, std in zip(values, (against @ radii).tolist(), spread.tolist(), strict=True)
-    }
+    apart = against @ radii
+    spread = np.hypot(np.sqrt(np.diag(against @ covariance @ against.T)), OF_ITSELF * apart)
+    return dict(zip(values, zip(apart.tolist(), spread.tolist(), strict=True), strict=True))
 
 
 def _driven(found: Search) -> Ints:

@@ -35,7 +35,7 @@ _EFFECT_FORM = 0.03
 # Least of all the limit of grip: every tyre has a curve of its own.
 _GRIP_FORM, _GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # And its parameter is so uncertain at least.
-_OF_ITSELF = 0.02
+OF_ITSELF = 0.02
 # Through a long bend the steering stands between two of its steps, for so many rows.
 _STEPS_LAST_ROWS = 250
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -215,7 +215,7 @@ def _judged(
     }
     form = _form(drive, rows, x, effects, base)
     covariance = _covariance(found, per_row, box, rows.steps / scatter)
-    std = np.hypot(np.sqrt(np.diag(covariance)), _OF_ITSELF * np.abs(x[list(columns)]))
+    std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)

@@ -171,11 +171,13 @@ def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() 
     assert answer._shares_a_factor(search)
     told = answer._apart(search, dict.fromkeys(("fl", "fr", "rl", "rr"), (0.0, None)))
     assert [value for value, _ in told.values()] == pytest.approx([-0.002, -0.002, 0.002, 0.002])
-    assert [std for _, std in told.values()] == pytest.approx([0.001 * 0.75**0.5] * 4)
+    assert [std for _, std in told.values()] == pytest.approx([math.hypot(0.001 * 0.75**0.5, 0.02 * 0.002)] * 4)
     values = dict.fromkeys(("fl", "fr", "rl", "rr"), (-0.06, 0.05))
     search.rows = search.best.road = None
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(answer, "values_of", lambda *_: values)
         patched.setattr(answer, "_told_road", lambda _: (flat(1), (0.0, 0.0)))
         assert answer._values(search, "wheel_radius")["rl"][0] == pytest.approx(0.002)
+    # Sure to 0.001: that the factor is nearly 1 is told then.
+    assert not answer._shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
     assert not answer._shares_a_factor(radii_of([-0.06] * 4, 0.02**2 * np.ones((4, 4))))
