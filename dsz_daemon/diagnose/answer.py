@@ -285,9 +285,7 @@ def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = [effect for effect in _BEYOND if effect in found.best.effects]
     least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
-    if not beyond and searching.tolerance_gain(found, each) < least:
-        return []
-    values = values_of(found.drive, found.best, "")
+    values = values_of(found.drive, found.best, "") if searching.tolerance_gain(found, each) >= least else {}
     for effect in beyond:
         far = values_of(found.drive, found.best, effect)
         values |= {key: far[name] for key, name in _BEYOND[effect].items()}

@@ -134,6 +134,7 @@ def driven_s(drive: Drive, rows: Rows) -> float:
     return float(np.count_nonzero(rows.used.any(axis=1) & moving) * ROW_S)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def residual(rows: Rows, prediction: Floats) -> Floats:
     """Measured less predicted (k, 13), 0 where a row does not count."""
     left = np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
@@ -210,6 +211,8 @@ def sensitivities(
     moving, before = driven(drive, x, road), base[rows.at]
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
 
+    # A car that spins is infinitely wrong, which is looked at below: no warning.
+    @np.errstate(over="ignore", invalid="ignore")
     def secant(i: int) -> Floats:
         if i < len(OFFSETS):
             only = np.zeros_like(before)

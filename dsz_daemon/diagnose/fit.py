@@ -222,6 +222,7 @@ def _judged(
     return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: Floats) -> Floats:
     """What the simulation's form may be off by (13,): its own, and a share of what the effects in it do."""
     if not effects:

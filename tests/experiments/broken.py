@@ -70,8 +70,8 @@ BROKEN: dict[str, Callable[[Path, int], None]] = {
 }
 
 
-def said(case: tuple[str, int]) -> tuple[list[str], list[str], str]:
-    """Causes, parameter errors and shapes, verdict."""
+def said(case: tuple[str, int]) -> tuple[list[str], list[str], list[str], str]:
+    """Causes, shapes, parameter errors, verdict."""
     how, seed = case
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -80,10 +80,10 @@ def said(case: tuple[str, int]) -> tuple[list[str], list[str], str]:
         try:
             found: dict[str, Any] = diagnose([folder / "recording.log"], folder / "config.yaml", folder / "out")
         except DszError as error:
-            return [], [], f"refused: {error}".splitlines()[0][:100]
+            return [], [], [], f"refused: {error}".splitlines()[0][:100]
         told = [one["parameter"] for one in found["parameter_errors"]]
         shapes = [f"{one['channel']} {one['shape']}" for one in found["unlisted"]]
-        return [cause["effect"] for cause in found["causes"]] + shapes, told, found["verdict"]
+        return [cause["effect"] for cause in found["causes"]], shapes, told, found["verdict"]
 
 
 def main() -> None:
@@ -93,21 +93,19 @@ def main() -> None:
     parser.add_argument("--cars", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=2)
     asked = parser.parse_args()
-    print(
-        "| broken | named, beyond what is configured | configured numbers named | verdicts |\n|---|---|---|---|",
-        flush=True,
-    )
+    print("| broken | effects named that are no number of the car | shapes | numbers of the car | verdicts |")
+    print("|---|---|---|---|---|", flush=True)
     with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
         for how in BROKEN:
             answers = list(pool.map(said, [(how, asked.seed + k) for k in range(asked.cars)]))
-            beyond = [", ".join(one for one in named if one not in CONFIGURED) for named, _, _ in answers]
+            beyond = [", ".join(one for one in named if one not in CONFIGURED) for named, _, _, _ in answers]
             wrong = [words for words in beyond if words]
-            configured = sum(bool(told or CONFIGURED & set(named)) for named, told, _ in answers)
-            verdicts = sorted({verdict for _, _, verdict in answers})
-            counts = ", ".join(f"{verdict} {sum(v == verdict for _, _, v in answers)}" for verdict in verdicts)
-            print(
-                f"| {how} | {len(wrong)} of {len(answers)} {'; '.join(wrong)} | {configured} | {counts} |", flush=True
-            )
+            shapes = sorted({shape for _, there, _, _ in answers for shape in there})
+            configured = sum(bool(told or CONFIGURED & set(named)) for named, _, told, _ in answers)
+            verdicts = sorted({verdict for _, _, _, verdict in answers})
+            counts = ", ".join(f"{verdict} {sum(v == verdict for _, _, _, v in answers)}" for verdict in verdicts)
+            named = f"{len(wrong)} of {len(answers)}{': ' if wrong else ''}{'; '.join(wrong)}"
+            print(f"| {how} | {named} | {', '.join(shapes) or '-'} | {configured} | {counts} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -181,3 +181,19 @@ def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() 
     # Sure to 0.001: that the factor is nearly 1 is told then.
     assert not answer._shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
     assert not answer._shares_a_factor(radii_of([-0.06] * 4, 0.02**2 * np.ones((4, 4))))
+
+
+def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.MonkeyPatch) -> None:
+    stiffness, tracks = (
+        {"front_cornering_stiffness_n_per_rad": (-0.08, 0.01)},
+        {"front": (0.06, 0.01), "rear": (0.0, 0.01)},
+    )
+    monkeypatch.setattr(answer, "values_of", lambda _, __, effect: dict(tracks) if effect else dict(stiffness))
+    car = SimpleNamespace(front_cornering_stiffness_n_per_rad=50_000.0, front_track_m=1.5, rear_track_m=1.5)
+    drive = SimpleNamespace(car=car, steering_ratio=16.0)
+    search: Any = SimpleNamespace(
+        drive=drive, best=SimpleNamespace(effects=("track_width",)), gains={"track_width": 100.0}
+    )
+    for gain, expected in ((0.0, ["front_track_m"]), (50.0, ["front_cornering_stiffness_n_per_rad", "front_track_m"])):
+        monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_, gain=gain: gain)
+        assert [error.parameter for error in answer._parameter_errors(search, map)] == expected
