@@ -22,6 +22,7 @@ from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
@@ -102,8 +103,12 @@ def searched(
         trial = _Trial(drive, rows, best, tolerance, known)
         tried = list(each(trial.fit, [start for start in starts if start[0] not in refused]))
         tried = _ranked(drive, best, _judged(trial, tried, each))
-        shape = best_shape(drive, rows, best)
-        if shape is not None and shape.gain > _SURELY * max((step.gain for step in tried), default=0.0):
+        shape, named = best_shape(drive, rows, best), max((step.gain for step in tried), default=0.0)
+        if named > LEAST_GAIN:
+            beside = shape_beside(drive, rows, best, known, tolerance, _quiet(drive, best))
+            if beside is not None and (shape is None or beside.gain > shape.gain):
+                shape = beside
+        if shape is not None and shape.gain > _SURELY * named:
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
             gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}

@@ -24,9 +24,9 @@ from dsz_daemon.signals import IMU_CHANNELS
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
 LEAST_SHARE = 0.05
 _LEAST_LEVEL = 1.25
-_LEAST_ROWS = 500
+LEAST_ROWS = 500
 # The best of some eighty shapes and channels is so good by chance, and a parameter more has to be paid for.
-_CHOSEN_OF_MANY = math.log(80.0) + 3.0
+CHOSEN_OF_MANY = math.log(80.0) + 3.0
 
 
 class Coefficient(NamedTuple):
@@ -120,7 +120,7 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) ->
 def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
     used = rows.used[:, c]
     floor = float(np.nan_to_num(floors(drive))[c])
-    if np.count_nonzero(used) < _LEAST_ROWS:
+    if np.count_nonzero(used) < LEAST_ROWS:
         return None
     left, block = fit.left[used, c], rows.block[used]
     if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(floor, fit.form[c])):
@@ -140,16 +140,18 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
         step = np.linalg.lstsq(table, left, rcond=None)[0]
         whole[used, 0] = left - table @ step
         per_row = float(correlated_rows(whole, used[:, np.newaxis])[0])
-        gain = 0.5 * len(left) / per_row * float(np.log(before / after)) - _CHOSEN_OF_MANY
+        gain = 0.5 * len(left) / per_row * float(np.log(before / after)) - CHOSEN_OF_MANY
         if gain > max(LEAST_GAIN, best.gain if best is not None else 0.0):
-            effect = _effect(CHANNELS[c], name, values - float(np.mean(mine)), f"({_unit(c)})/({unit})", abs(step[1]))
+            effect = as_effect(
+                CHANNELS[c], name, values - float(np.mean(mine)), f"({unit_of(c)})/({unit})", abs(step[1])
+            )
             scatter = float(np.mean(whole[used, 0] ** 2)) * per_row
             std = math.sqrt(scatter * float(np.linalg.pinv(table.T @ table)[1, 1]))
             best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]), std)
     return best
 
 
-def _effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
+def as_effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
     """The shape as what may have been left out; `course` (n,) of size `size`."""
     return Effect(
         # As `is_shape` knows it.
@@ -162,7 +164,8 @@ def _effect(channel: str, shape: str, course: Floats, unit: str, size: float) ->
     )
 
 
-def _unit(c: int) -> str:
+def unit_of(c: int) -> str:
+    """The unit of an IMU channel, as shapes write it."""
     return "rad/s" if IMU_CHANNELS[c].startswith("gyro") else "m/s2"
 
 

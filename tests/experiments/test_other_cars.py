@@ -37,3 +37,13 @@ def test_what_has_no_name_gets_none(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, 7231, "city", "unlisted_magnet")
     assert found["causes"] == []
     assert [(one["channel"], one["shape"]) for one in found["unlisted"]] == [("wheel_speed_rl", "k*vx^2")]
+
+
+def test_a_small_shape_is_not_called_by_the_name_that_comes_nearest(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, 140, "city", "unlisted_drag_of_trailer@0.3")
+    assert found["causes"] == []
+    [one] = found["unlisted"]
+    assert (one["channel"], one["shape"]) == ("gyro_z", "k*ay^3")
+    planted = 0.3 * 4e-4
+    # A simulation's small angles are of the same shape, and that is not in the spread.
+    assert abs(one["coefficient"]["value"] - planted) < 0.15 * planted
