@@ -258,8 +258,8 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 
 
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
-# since whatever is wrong about the lateral motion shows in the wheels as it does in the acceleration.
-_NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [4, 6, 7, 8]}
+# since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
+_NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
 # So much more than noise and form has to be left of the lateral acceleration for wind to be thought of.
 _FELT = 1.2
 
