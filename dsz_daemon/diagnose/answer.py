@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
+from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
@@ -35,6 +36,8 @@ _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 _UNTOLD_FACTOR = 0.005
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
+# So many times more than that a sensor's own noise may be.
+_COLOURED = 2.0
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
@@ -64,7 +67,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
     level = _level(found)
-    unexplained = [name for name, value in level.items() if value > UNEXPLAINED]
+    unexplained = _unexplained(found, level)
     said = causes or errors or shapes or unexplained
     offsets = _offsets(found)
     return Diagnosis(
@@ -103,6 +106,21 @@ def _offsets(found: Search) -> dict[str, tuple[float, float]]:
         value, std = offsets[name]
         offsets[name] = (value + motion.G * tilt_rad, std)
     return offsets
+
+
+def _unexplained(found: Search, level: Mapping[str, float]) -> list[str]:
+    """Channels that are off by more than noise and coarseness leave, and not by a sensor's own colour of noise."""
+    names = channel_names(found.drive)
+    return [
+        name
+        for name, value in level.items()
+        if value > UNEXPLAINED
+        and (
+            name not in IMU_CHANNELS
+            or value > _COLOURED * UNEXPLAINED
+            or not is_its_own(found.drive, found.rows, found.best.left[:, names.index(name)], names.index(name))
+        )
+    ]
 
 
 def _verdict(explained: bool, left: bool) -> str:

@@ -6,17 +6,23 @@ import math
 
 import numpy as np
 
+from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.recording import DT_S
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
 _BEYOND, _NEARLY_ALL = 1.1, 0.999
+# Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
+_MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 
 
 def is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
     """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
     if effect == "sensor_saturation" and _reads_beyond(drive, fit):
+        return True
+    if effect == "side_wind" and _lulls(drive, fit):
         return True
     for i in drive.vocabulary.columns_of(effect):
         parameter = drive.vocabulary.columns[i][1]
@@ -24,6 +30,19 @@ def is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
         if at_end and math.isfinite(parameter.least):
             return True
     return False
+
+
+def _lulls(drive: Drive, fit: Fit) -> bool:
+    """Whether there is hardly any wind for much of the way: then it is what a car does there that pushes."""
+    size = round(BLOCK_S / DT_S)
+    count = len(drive.steer) // size
+    moving = (np.mean(drive.wheels, axis=1) > SLOW_MPS)[: count * size].reshape(count, size)
+    squares = (fit.road.side_n**2)[: count * size].reshape(count, size)
+    driven = np.count_nonzero(moving, axis=1) > 0.5 * size
+    if np.count_nonzero(driven) < _LEAST_BLOCKS:
+        return False
+    blocks = np.sqrt(np.sum(np.where(moving, squares, 0.0), axis=1)[driven] / np.count_nonzero(moving, axis=1)[driven])
+    return float(np.quantile(blocks, _MUCH)) < _HARDLY * float(np.sqrt(np.mean(blocks**2)))
 
 
 def _reads_beyond(drive: Drive, fit: Fit) -> bool:

@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, residual, sensitivities
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
-from dsz_daemon.diagnose.fit import DRAWN, MOMENTS, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted, loss_of
+from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted
 from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import Found, best_shape
 
@@ -31,7 +31,8 @@ Progress = Callable[[str], None]
 _A_PARAMETER = 3.0
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
-_TRIED = 7
+# Those that a linear step brings so much of what it brings the best; the others' turn may come.
+_TRIED, _WORTH = 7, 0.05
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
@@ -135,6 +136,7 @@ def searched(
             refused |= wrong
             best = _without(drive, rows, best, tolerance, wrong, each)
         gains = {effect: gains[effect] for effect in best.effects}
+    best = _without_trifles(drive, rows, best, tolerance, gains, each)
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
     return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
@@ -169,9 +171,9 @@ class _Trial:
         if effect == "low_friction" and gained(self.drive, self.best, fit) > 0.0:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             for _ in range(_MOST_MOVES):
-                moved = _with_best_moments(self.drive, self.rows, fit)
+                moved = with_best_moments(self.drive, self.rows, fit)
                 before, fit = fit.x, self._fitted(moved, effects)
-                if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in _moments(self.drive)):
+                if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
                     break
         if is_implausible(self.drive, fit, effect):
             return Step(effect, -math.inf, fit)
@@ -204,39 +206,6 @@ def _judged(trial: _Trial, tried: Iterable[Step], each: Each) -> list[Step]:
     return judged
 
 
-def _moments(drive: Drive) -> list[int]:
-    return [i for i, column in enumerate(drive.vocabulary.columns) if column in MOMENTS]
-
-
-def _with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
-    """The parameters with the moments in which a stretch begins and ends moved to where least is left.
-
-    Where nothing tells (the car goes straight), the shortest stretch is taken.
-    """
-    x, least = fit.x.copy(), loss_of(fit.left, rows, fit.scatter)
-
-    def left_by(trial: Floats) -> float:
-        return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
-
-    moments = _moments(drive)
-    last_s = float(len(drive.steer) * DT_S)
-    for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
-        for i in moments:
-            for sign in (-1.0, 1.0):
-                trial = x.copy()
-                trial[i] = min(max(trial[i] + sign * by_s, 0.0), last_s)
-                loss = left_by(trial)
-                if loss < least:
-                    x, least = trial, loss
-    for i, inwards in zip(moments, (1.0, -1.0), strict=True):
-        for by_s in (4.0, 2.0, 1.0, 0.5, 0.2):
-            trial = x.copy()
-            trial[i] += inwards * by_s
-            if trial[moments[0]] < trial[moments[1]] and left_by(trial) < least + 0.5:
-                x = trial
-    return x
-
-
 def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
     """The best first. What is left hangs together more or less by candidate: among rivals the same rows count.
 
@@ -260,17 +229,21 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
 # since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
-# So much more than noise and form has to be left of the lateral acceleration for wind to be thought of.
+# So much more than noise and form has to be left of what a profile shows in for it to be thought of: the lateral
+# acceleration, or one of a road's gyro and the accelerometer that tilts with it.
 _FELT = 1.2
+_SHOWN_IN = {"road_bank": (0, 4), "road_grade": (1, 3), "side_wind": (4,)}
 
 
 def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
-    c = OWN_CHANNEL[effect]
-    used = rows.used[:, c]
-    if effect != "side_wind" or not used.any():
-        return bool(used.any())
-    rms = float(np.sqrt(np.mean(best.left[used, c] ** 2)))
-    return rms > _FELT * float(np.hypot(floors(drive)[c], best.form[c]))
+    if not rows.used[:, OWN_CHANNEL[effect]].any():
+        return False
+    usual = np.hypot(np.nan_to_num(floors(drive)), best.form)
+    return any(
+        float(np.sqrt(np.mean(best.left[rows.used[:, c], c] ** 2))) > _FELT * float(usual[c])
+        for c in _SHOWN_IN[effect]
+        if rows.used[:, c].any()
+    )
 
 
 def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> float:
@@ -327,7 +300,8 @@ def _screened(
         scored.append(
             (gain(before, after * best.scatter**2, found.counts, np.ones_like(best.form), best.form), effect.name)
         )
-    names = [name for value, name in sorted(scored, reverse=True) if value > 0.5 * LEAST_GAIN]
+    enough = max([_WORTH * max(value for value, _ in scored), 0.5 * LEAST_GAIN]) if scored else 0.0
+    names = [name for value, name in sorted(scored, reverse=True) if value > enough]
     return names, Slopes(best.x, best.effects, tuple(columns), slopes)
 
 
@@ -356,6 +330,20 @@ def _without_idle(
         if gains[effect] < LEAST_GAIN:
             best = smaller
     return best
+
+
+def _without_trifles(
+    drive: Drive,
+    rows: Rows,
+    best: Fit,
+    tolerance: Mapping[str, float],
+    gains: Mapping[str, float],
+    each: Each,
+) -> Fit:
+    """What came early has to gain its share of all that was gained in the end, too."""
+    least = _SHARE_OF_ALL * sum(gains[effect] for effect in best.effects)
+    trifles = [effect for effect in best.effects if gains[effect] < least]
+    return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
 
 
 def slopes_of(found: Search, columns: Sequence[int], each: Each = map) -> Floats:

@@ -46,11 +46,13 @@ def diagnose(
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
     beside: Beside = NOTHING_BESIDE,
+    draws: bool = True,
 ) -> dict[str, Any]:
     """Writes diagnosis.json, fit.parquet and report.html of one recording (in pieces) into `folder`; returns the first.
 
-    `say` hears what is being done. InputError: nothing to drive the simulation with (steering, wheel speeds), nothing
-    to compare, too little of it, or a file beside it that can't be read or is of another time.
+    Without the last unless it `draws`. `say` hears what is being done. InputError: nothing to drive the simulation with
+    (steering, wheel speeds), nothing to compare, too little of it, or a file beside it that can't be read or is of
+    another time.
     """
     keep_freed_memory()
     setup = set_up(config)
@@ -80,7 +82,8 @@ def diagnose(
     write_json(result, folder / "diagnosis.json")
     columns = columns_of_fit(found, first_s)
     write_columns(columns, folder / "fit.parquet")
-    _write_report(folder / "report.html", result, columns, ", ".join(path.name for path in logs))
+    if draws:
+        _write_report(folder / "report.html", result, columns, ", ".join(path.name for path in logs))
     return result
 
 
@@ -133,7 +136,7 @@ def words(result: dict[str, Any]) -> str:
     ]
     lines += [f"- {one['statement']}" for one in result["same_as_offsets"]]
     off = [f"{name} {value:.0f} times" for name, value in result["level"].items() if value > UNEXPLAINED]
-    if off:
+    if off and result["verdict"] in {"unexplained", "partly_explained"}:
         lines.append(f"- not explained: {', '.join(off)} what noise and the simulation's coarseness leave")
     for place in result["located"][:3]:
         when = f"{place['start_s']:.0f} to {place['end_s']:.0f} s"

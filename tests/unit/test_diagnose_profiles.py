@@ -1,0 +1,92 @@
+"""diagnose: when a road or wind is thought of, what is no wind, and what is a sensor's own noise."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
+
+from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.own_noise import is_its_own
+from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.search import _feels, _screened, _without_trifles, gained
+
+
+def wind(of: Any, force_n: np.ndarray) -> Any:
+    return SimpleNamespace(x=nothing(), road=flat(N)._replace(side_n=force_n))
+
+
+def test_wind_blows_all_the_way() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    gusts = 300.0 * np.sin(2.0 * np.pi * T / 7.0)
+    assert not is_implausible(one, wind(one, gusts), "side_wind")
+    # For a third of the way something pushes, and for the rest nothing does.
+    assert is_implausible(one, wind(one, np.where(T < 20.0, gusts, 0.02 * gusts)), "side_wind")
+    # Where a car stands no wind is felt.
+    standing = drive({}, np.where(T < 30.0, CITY_V, 0.0), CITY_STEER)
+    assert not is_implausible(standing, wind(standing, np.where(T < 30.0, 300.0, 0.0)), "side_wind")
+
+
+@pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])
+def test_a_profile_is_thought_of_where_it_would_show(effect: str, channels: tuple[int, ...]) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), (), TOLERANCE)
+    assert not _feels(one, rows, best, effect)
+    for c in range(6):
+        louder = best.left.copy()
+        louder[:, c] *= 5.0
+        assert _feels(one, rows, best._replace(left=louder), effect) is (c in channels)
+
+
+def test_wind_is_judged_by_the_yaw_rate_alone() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    smaller = fitted(one, rows, nothing(), (), TOLERANCE)
+    larger = smaller._replace(effects=("side_wind",))
+    for c in range(9):
+        unseen = smaller.unseen.copy()
+        unseen[:, c] *= 0.5
+        assert (gained(one, smaller, larger._replace(unseen=unseen)) > 10.0) is (c == 2)
+
+
+def test_what_a_linear_step_brings_little_of_waits_for_its_turn() -> None:
+    """A wheel's radius and a trace of play: the radius is tried, of the others none that brings next to nothing."""
+    left_out = {"wheel_radius.rl": -0.01, "steering_backlash.width_rad": 0.004}
+    one = drive(left_out, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    names, _ = _screened(one, rows, fitted(one, rows, nothing(), (), TOLERANCE), TOLERANCE, map)
+    assert names[0] == "wheel_radius"
+    assert "imu_delay" not in names
+    assert len(names) < 7
+
+
+def test_what_came_early_has_to_gain_its_share_of_all_in_the_end() -> None:
+    one = drive({"gyro_scale.z": 0.05, "wheel_radius.rl": -0.01}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    both = fitted(one, rows, nothing(), ("gyro_scale", "wheel_radius"), TOLERANCE)
+    kept = _without_trifles(one, rows, both, TOLERANCE, {"gyro_scale": 16.0, "wheel_radius": 1000.0}, map)
+    assert kept.effects == both.effects
+    kept = _without_trifles(one, rows, both, TOLERANCE, {"gyro_scale": 14.0, "wheel_radius": 1000.0}, map)
+    assert kept.effects == ("wheel_radius",)
+
+
+def test_flicker_is_a_sensors_own_and_what_comes_with_motion_or_now_and_then_is_not() -> None:
+    # Straight and calm for half of the way.
+    steer = np.where(np.sin(0.1 * T) > 0.0, CITY_STEER, 0.0)
+    one = drive({}, np.full(N, 14.0), steer)
+    rows = rows_of(one)
+    rng, c = np.random.default_rng(5), 5
+    clean = residual(rows, predicted(one, nothing(), flat(N)))[:, c]
+    slow = np.convolve(rng.normal(size=len(clean)), np.ones(25) / 5.0, "same") * 3.0 * NOISE[c]
+    turn = np.abs(steer / one.car.wheelbase_m * 14.0**2)[rows.at]
+    assert is_its_own(one, rows, slow, c)
+    assert not is_its_own(one, rows, clean + 0.03 * turn, c)
+    # For five of sixty seconds, whatever the car does.
+    bump = np.where((T > 30.0) & (T < 35.0), 0.1, 0.0)[rows.at]
+    assert not is_its_own(one, rows, clean + bump, c)
