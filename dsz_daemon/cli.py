@@ -119,6 +119,24 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     return _show(arguments, result, lambda: print(words(result)))
 
 
+def _prove(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.prove.page import results_lines, write_page
+    from dsz_daemon.prove.prove import prove
+    from dsz_daemon.runs import screen
+
+    with screen.progress("prove", arguments.json) as progress:
+        result = prove(arguments.output, arguments.seed, arguments.trials, arguments.jobs, progress)
+    for page in (arguments.output / "proof.md", arguments.page):
+        if page is not None:
+            write_page(result, page)
+
+    def words() -> None:
+        print("\n".join(results_lines(result["summary"])))
+        print(f"page: {arguments.output / 'proof.md'}")
+
+    return _show(arguments, result, words)
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs import accuracy, accuracy_page, screen
 
@@ -179,6 +197,7 @@ _CALLS = {
     "replay": _replay,
     "simulate": _simulate,
     "diagnose": _diagnose,
+    "prove": _prove,
     "bench": _bench,
     "check": _check,
     "demo": _demo,

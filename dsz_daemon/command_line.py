@@ -125,6 +125,7 @@ def parser() -> argparse.ArgumentParser:
     demo.add_argument("--speed", type=_positive, default=5.0, help="times real time (default 5)")
     _json(demo)
     _diagnose_verb(verbs)
+    _prove_verb(verbs)
     _bench_verb(verbs)
     _asking_verbs(verbs)
     _install_verb(verbs)
@@ -153,6 +154,22 @@ def _diagnose_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:
         help="your own simulation of the recording instead of the nominal one",
     )
     _json(diagnose)
+
+
+def _prove_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    prove = verbs.add_parser(
+        "prove",
+        help="the blind proof of diagnose, sealed and scored",
+        description="Makes recordings whose truth is sealed, diagnoses them blind, opens the seals and scores.",
+    )
+    prove.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="keeps all; goes on where it was"
+    )
+    prove.add_argument("--trials", type=_count, default=40, metavar="N", help="so many recordings (default 40)")
+    prove.add_argument("--seed", type=int, default=1, metavar="N", help="what is drawn (default 1)")
+    prove.add_argument("--jobs", type=_count, metavar="N", help="processes at once (default: one a CPU)")
+    prove.add_argument("--page", type=Path, metavar="FILE", help="write the page as Markdown here, too")
+    _json(prove)
 
 
 def _bench_verb(verbs: argparse._SubParsersAction[_Parser]) -> None:

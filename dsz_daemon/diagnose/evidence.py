@@ -15,6 +15,8 @@ from dsz_daemon.diagnose.prediction import Floats
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
 LEAST_GAIN = 10.0
 _CORRELATED_FOR_ROWS = 250
+# Of normal equations with ones on their diagonal: combinations that are told by less are not told.
+_TOLD_APART = 1e-10
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
 
@@ -92,13 +94,21 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     a = squares + np.diag(box.weight)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
     values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
-    values = np.maximum(values, 1e-10 * values[-1])
+    values = np.maximum(values, _TOLD_APART * values[-1])
     root = (vectors * np.sqrt(values)).T
     goal = (vectors / np.sqrt(values)).T @ (cross * scale)
     low, high = box.low / scale, box.high / scale
     # A box without room holds its parameter.
     high = np.maximum(high, low + 1e-12)
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
+
+
+def inverse(squares: Floats) -> Floats:
+    """Of normal equations (p, p), which are never negative: what is not told apart is uncertain, not less than that."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(squares), 1e-30))
+    values, vectors = np.linalg.eigh(squares * scale[:, np.newaxis] * scale)
+    values = np.maximum(values, _TOLD_APART * values[-1])
+    return np.asarray((vectors / values) @ vectors.T * scale[:, np.newaxis] * scale, dtype=np.float64)
 
 
 def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
@@ -140,7 +150,7 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
         seen, unseen = kind != k, kind == k
         own = squares[seen].sum(axis=(0, 1))
         step = solved(own, cross[seen].sum(axis=(0, 1)), part)
-        bread = np.linalg.inv(own + np.diag(np.maximum(part.weight, 1e-12)))
+        bread = inverse(own + np.diag(np.maximum(part.weight, 1e-12)))
         pulls = cross[seen].sum(axis=1) - squares[seen].sum(axis=1) @ step
         meats = (np.einsum("bcij,c->ij", squares[seen], power * per_row), pulls.T @ pulls)
         there = squares[unseen].sum(axis=0)

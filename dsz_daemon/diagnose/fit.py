@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.effects import (
     TOLERATED,
     Parameter,
 )
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, held_out_kinds, solved, sums
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, held_out_kinds, inverse, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -251,7 +251,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats
 
     `steps` (13,), in the channels' scatter.
     """
-    bread = np.linalg.inv(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
+    bread = inverse(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
     lasting = np.maximum(power * per_row, steps**2 * _STEPS_LAST_ROWS)

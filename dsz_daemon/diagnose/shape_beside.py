@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors, robust_std
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, solved, sums
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, inverse, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, library, unit_of
@@ -115,7 +115,7 @@ def _judged(
     share = 1.0 - float((after.sum(axis=0)[c] + coarse) / (fit.unseen.sum(axis=0)[c] + coarse))
     per_row = correlated_rows(left, rows.used)
     gained = gain(fit.unseen, after, model.counts, per_row, fit.form, quiet) - CHOSEN_OF_MANY
-    bread = np.linalg.inv(now.squares.sum(axis=(0, 1)) + np.diag(np.maximum(free.weight, 1e-12)))
+    bread = inverse(now.squares.sum(axis=(0, 1)) + np.diag(np.maximum(free.weight, 1e-12)))
     std = float(np.sqrt(max(bread[p, p], 0.0) * per_row[c]))
     effect = as_effect(CHANNELS[c], shape.name, shape.course, shape.unit, abs(float(step[p])))
     return Found(effect, CHANNELS[c], f"k*{shape.name}", share, gained, float(step[p]), std)

@@ -27,15 +27,12 @@ import numpy as np
 import other_cars
 
 from dsz_daemon.edge.samples_file import read_samples
+from dsz_daemon.prove import sizes
 from dsz_daemon.runs.diagnose import diagnose
 from dsz_daemon.runs.simulate import simulate
 from dsz_daemon.sim.effects import EFFECTS
 
-# What these are when nothing is left out; all others are 0.
-_ONE = ("fl", "fr", "rl", "rr", "scale", "front_scale", "rear_scale")
-# How, not how much.
-_HOW = {"seed", "correlation_m", "correlation_s", "start_c", "end_c", "time_constant_s"}
-_LOW_FRICTION = "start_s=50,end_s=95"
+_LOW_FRICTION = {"start_s": 50.0, "end_s": 95.0}
 # Effects that have no sizes, or turn the car as others do at these speeds: not in pairs.
 _ALONE = {"axis_fault", "low_friction", "mass_loading", "cornering_stiffness", "steering_compliance", "tyre_saturation"}
 
@@ -67,22 +64,11 @@ def at_size(name: str, size: float, other: bool = False) -> str | None:
     """The effect in the words of `--effect`; None where it has no such size."""
     if other:
         return f"{name}:{','.join(f'{key}={value:.6g}' for key, value in other_cars.at_size(name, size).items())}"
-    if name == "axis_fault":
-        return "axis_fault:channel=accel_x,kind=reversed" if size == 1.0 else None
-    words = []
-    for key, parameter in EFFECTS[name].parameters.items():
-        if parameter.default is None or parameter.words or key in _HOW or key in {"start_s", "end_s"}:
-            continue
-        neutral = 1.0 if key in _ONE else 0.0
-        value = neutral + size * (parameter.default - neutral)
-        if key in {"cutoff_hz", "accel_limit_mps2"}:
-            value = parameter.default / size
-        elif key == "friction_coefficient":
-            value = parameter.default / size**0.5
-        words.append(f"{key}={value:.6g}")
-    if name == "low_friction":
-        words.append(_LOW_FRICTION)
-    return f"{name}:{','.join(words)}"
+    choice = sizes.at_size(name, size, _LOW_FRICTION if name == "low_friction" else None)
+    if choice is None:
+        return None
+    pairs = ((key, value if isinstance(value, str) else f"{value:.6g}") for key, value in choice.given.items())
+    return f"{name}:{','.join(f'{key}={value}' for key, value in pairs)}"
 
 
 def diagnosed(case: Case) -> Answer:

@@ -10,6 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
@@ -90,3 +91,15 @@ def test_flicker_is_a_sensors_own_and_what_comes_with_motion_or_now_and_then_is_
     # For five of sixty seconds, whatever the car does.
     bump = np.where((T > 30.0) & (T < 35.0), 0.1, 0.0)[rows.at]
     assert not is_its_own(one, rows, clean + bump, c)
+
+
+def test_an_inverse_of_what_is_hardly_told_apart_has_no_negative_variance() -> None:
+    rng = np.random.default_rng(2)
+    one = rng.normal(size=(200, 4)) * [1.0, 1e4, 1e-5, 1.0]
+    assert inverse(one.T @ one) == pytest.approx(np.linalg.inv(one.T @ one), rel=1e-6)
+    twice = np.column_stack([one, one[:, 0] + 1e-12 * one[:, 3]])
+    found = inverse(twice.T @ twice)
+    assert np.all(np.diag(found) > 0.0)
+    # Neither of the two is told, their sum is.
+    assert found[0, 0] > 1e6 / 200.0
+    assert np.array([1, 0, 0, 0, 1]) @ found @ np.array([1, 0, 0, 0, 1]) < 0.1

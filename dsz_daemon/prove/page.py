@@ -1,0 +1,209 @@
+"""The page of `dsz prove`: Markdown, written by the command alone; failures first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from dsz_daemon.errors import MachineError
+from dsz_daemon.prove.mix import SECONDS
+from dsz_daemon.prove.third_party_car import BY_CONSTRUCTION
+from dsz_daemon.prove.unlisted import UNLISTED
+
+Scores = Sequence[Mapping[str, Any]]
+
+_HEAD = """# The proof
+
+Written by
+
+    dsz prove -o out/proof --trials {trials} --seed {seed} --page docs/proof.md
+
+with dsz {version} (judge {judge}). Do it again with a seed of your own: the shares should stand inside these intervals.
+
+## Protocol
+
+1. The seed draws {trials} recordings of {seconds:g} s: {nulls} with nothing left out (half of them with stiffnesses
+   that are off within their tolerance, half with coloured noise), {singles} with one effect of the vocabulary, {pairs}
+   with two, {alias_pairs} with two that turn a car alike, {local} with a slippery stretch, {unlisted} with physics that
+   the vocabulary has no name for.
+2. They are driven by two cars that share no formula with the diagnosis: the project's simulated car (another car and
+   another way each time, several other effects on it at a hundredth of their plain size) and CommonRoad's multi-body
+   car (29 states, M. Althoff and G. Wuersching, 2020) with its body on springs, load transfer, the Magic Formula and
+   slipping wheels. Of that car nothing is ever "nothing": {construction} are always true of it, and
+   naming them, or a shape, is no mistake there. What is planted in it are sensors, steering, wheels, road and wind.
+3. Truths are written to a folder of their own, each with a salt, and their hashes and those of the recordings to
+   `seal.json`. The thresholds and settings of the judge are its sources, whose hash is in `protocol.json`.
+4. Another process is given a folder with recording, DBC and configuration at a time, and nothing else.
+5. Recordings and seals are checked against the published hashes, opened, and scored. *Right* is a single whose planted
+   effect is the first that is named; *or an alias* allows for what is said to be indistinguishable. Intervals are
+   Wilson's, 95 %.
+
+Sizes: 1 is what `dsz simulate --effect NAME` alone has; 0.3 and 0.1 are so much nearer to nothing.
+"""
+
+# What is reached, in words: figure, bar, whether smaller is better.
+_BARS: tuple[tuple[str, str, float, bool], ...] = (
+    ("false_alarms", "false alarms on nulls", 0.01, True),
+    ("singles_1", "singles of size 1: the effect first", 0.95, False),
+    ("singles_or_alias_1", "... or an alias of it", 0.95, False),
+    ("singles_0.3", "singles of size 0.3: the effect first", 0.95, False),
+    ("singles_0.1", "singles of size 0.1: the effect first", 0.7, False),
+    ("singles_wrong_1", "singles of size 1 with a wrong name instead", 0.0, True),
+    ("singles_wrong_0.3", "singles of size 0.3 with a wrong name instead", 0.0, True),
+    ("singles_wrong_0.1", "singles of size 0.1 with a wrong name instead", 0.0, True),
+    ("both_of_a_pair", "pairs: both named", 0.85, False),
+    ("alias_pairs", "alias pairs: one of them, or what says that it is one of them", 0.85, False),
+    ("false_extras", "answers with a name too many", 0.02, True),
+    ("unlisted_misnamed", "unlisted physics given a name", 0.02, True),
+    ("unlisted_found", "unlisted physics found in its channel", 0.9, False),
+    ("inside_95", "parameters inside their 95 % interval", 0.93, False),
+    ("profile_within_0.1_deg", "road profiles within 0.1 deg rms", 0.95, False),
+    ("overlap_0.7", "slippery stretches located with an overlap of 0.7", 0.9, False),
+)
+_MEANS = (
+    ("probability_of_truth", "mean probability given to the truth", 0.9, False),
+    ("regained_median", "closable gap regained on unseen data, median", 0.9, False),
+    ("brier", "Brier score of the stated probabilities", 0.05, True),
+)
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page of what `prove` returned."""
+    scores: Scores = result["trials"]
+    protocol, summary = result["protocol"], result["summary"]
+    groups = Counter(one["group"] for one in scores)
+    head = _HEAD.format(
+        trials=protocol["trials"],
+        seed=protocol["seed"],
+        version=protocol["version"],
+        judge=protocol["judge"][:12],
+        seconds=SECONDS,
+        nulls=groups["null"],
+        singles=groups["single"],
+        pairs=groups["pair"],
+        alias_pairs=groups["alias_pair"],
+        local=groups["local"],
+        unlisted=groups["unlisted"],
+        construction=", ".join(f"`{name}`" for name in sorted(BY_CONSTRUCTION)),
+    )
+    parts = [head, "## Results\n", _results(summary), "## Failures\n", _failures(scores), "## By effect\n"]
+    parts += [_by_effect(scores), "## What has no name\n", _nameless(scores), "## Every trial\n", _every(scores)]
+    return "\n".join(parts)
+
+
+def write_page(result: Mapping[str, Any], path: Path) -> None:
+    """MachineError where it can't be written."""
+    try:
+        path.write_text(page(result), encoding="utf-8")
+    except OSError as error:
+        raise MachineError(f"{path}: can't write the page: {error.strerror or error}") from error
+
+
+def results_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Each figure with its interval and its bar."""
+    lines = []
+    for key, words, bar, less in _BARS:
+        one = summary.get(key)
+        if one is None or not one["of"]:
+            continue
+        share = one["hits"] / one["of"]
+        holds = share <= bar if less else share >= bar
+        figure = f"{one['hits']} of {one['of']} = {share:.3f} ({one['low']:.3f} to {one['high']:.3f})"
+        lines.append(f"| {words} | {figure} | {'at most' if less else 'at least'} {bar:g} | {_holds(holds)} |")
+    for key, words, bar, less in _MEANS:
+        value = summary[key]
+        if value is not None:
+            holds = value <= bar if less else value >= bar
+            lines.append(f"| {words} | {value:.3f} | {'at most' if less else 'at least'} {bar:g} | {_holds(holds)} |")
+    return lines
+
+
+def _holds(holds: bool) -> str:
+    return "yes" if holds else "**no**"
+
+
+def _results(summary: Mapping[str, Any]) -> str:
+    rows = ["| | reached | bar | holds |", "|---|---|---|---|", *results_lines(summary)]
+    of_cars = [
+        f"{car}: {one['singles']['hits']} of {one['singles']['of']} plain singles right, "
+        f"{one['false_extras']['hits']} of {one['false_extras']['of']} answers with a name too many"
+        for car, one in summary["by_car"].items()
+    ]
+    stated = [
+        "",
+        "Stated probability against how often it was right:",
+        "",
+        "| stated | right | causes |",
+        "|---|---|---|",
+    ]
+    stated += [f"| {one['stated']:.2f} | {one['right']:.2f} | {one['of']} |" for one in summary["reliability"]]
+    half, longest = summary["seconds_median"], summary["seconds_longest"]
+    seconds = "" if half is None else f"Half of the diagnoses took less than {half:.0f} s, the longest {longest:.0f} s."
+    return "\n".join([*rows, "", ". ".join(of_cars) + ".", *stated, "", seconds, ""])
+
+
+def is_failure(one: Mapping[str, Any]) -> bool:
+    """Whether something was said that is not so, or nothing of what is plain."""
+    if one["error"] or (one["alarm"] and one["group"] == "null") or one["extra"]:
+        return True
+    if one["group"] == "single":
+        return one["size"] == 1.0 and not one["first"]
+    return one["group"] == "pair" and not one["all_named"]
+
+
+def _failures(scores: Scores) -> str:
+    failed = [one for one in scores if is_failure(one)]
+    if not failed:
+        return "None.\n"
+    return "\n".join([*_TRIAL_HEAD, *(_row(one) for one in failed), ""])
+
+
+_TRIAL_HEAD = ("| trial | car, way | planted | said | too much |", "|---|---|---|---|---|")
+
+
+def _row(one: Mapping[str, Any]) -> str:
+    planted = " + ".join([*one["planted"], *(f"(no name: {name})" for name in one["unlisted"])]) or "nothing"
+    size = f" at {one['size']:g}" if one["size"] != 1.0 else ""
+    said = one["error"] or ", ".join([*one["named"], *one["shapes"]]) or one["verdict"]
+    car = one["car"].replace("_", " ")
+    return f"| {one['number']} | {car}, {one['kind']} | {planted}{size} | {said} | {', '.join(one['extra'])} |"
+
+
+def _by_effect(scores: Scores) -> str:
+    """Singles by effect and size: right / alias / nothing / wrong."""
+    sizes = sorted({one["size"] for one in scores if one["group"] == "single"}, reverse=True)
+    rows = [f"| effect | {' | '.join(f'size {size:g}' for size in sizes)} |", "|---|" + "---|" * len(sizes)]
+    names = sorted({one["planted"][0] for one in scores if one["group"] == "single"})
+    for name in names:
+        cells = []
+        for size in sizes:
+            mine = [
+                one for one in scores if one["group"] == "single" and one["size"] == size and one["planted"] == [name]
+            ]
+            counts = Counter(_verdict(one) for one in mine)
+            cells.append(", ".join(f"{count} {words}" for words, count in counts.items()) or "-")
+        rows.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join([*rows, ""])
+
+
+def _verdict(one: Mapping[str, Any]) -> str:
+    if one["first"]:
+        return "right" if not one["extra"] else "right and more"
+    if one["first_or_alias"]:
+        return "alias"
+    return f"**{', '.join(one['extra'])}**" if one["extra"] else "nothing"
+
+
+def _nameless(scores: Scores) -> str:
+    rows = ["| what | channel | found | misnamed | trials |", "|---|---|---|---|---|"]
+    for name, row in UNLISTED.items():
+        mine = [one for one in scores if name in one["unlisted"]]
+        found, misnamed = sum(one["unlisted_found"] for one in mine), sum(bool(one["extra"]) for one in mine)
+        rows.append(f"| {row.words} | {row.channel.rpartition('_')[0]} | {found} | {misnamed} | {len(mine)} |")
+    return "\n".join([*rows, ""])
+
+
+def _every(scores: Scores) -> str:
+    return "\n".join([*_TRIAL_HEAD, *(_row(one) for one in scores), ""])

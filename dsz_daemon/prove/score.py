@@ -1,0 +1,159 @@
+"""One answer against its truth: what was named, how sure, how large, where, and how much better it fits."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsz_daemon.edge.samples_file import read_samples
+from dsz_daemon.prove.sizes import HOW
+
+# What no recording of these channels can split; the contract says so.
+SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
+_DRIVING_MPS = 3.0
+_PROFILES = {"road_bank": ("road_bank_rad", "road_bank_rad"), "road_grade": ("road_grade_up_rad", "road_grade_up_rad")}
+
+
+def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, Any]:
+    """The score of one trial, as plain data; `answer` holds diagnosis.json, or error.json."""
+    planted = {one["effect"]: one["parameters"] for one in truth["effects"]}
+    one: dict[str, Any] = {key: truth[key] for key in ("number", "group", "car", "kind", "seed", "size")}
+    one |= {"planted": sorted(planted), "unlisted": [row["name"] for row in truth["unlisted"]]}
+    one["seconds"] = _seconds(answer)
+    if not (answer / "diagnosis.json").exists():
+        return one | _silent(planted) | {"error": json.loads((answer / "error.json").read_text())["error"]}
+    found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
+    fitted = read_samples(answer / "fit.parquet")
+    causes = _causes(found)
+    there = set(planted) | set(truth["by_construction"]) | {row["effect"] for row in truth["mild"]}
+    if set(truth["stiffness"]) != {1.0}:
+        there.add("cornering_stiffness")
+    allowed = there | {name for cause in causes if set(cause["group"]) & set(planted) for name in cause["group"]}
+    named = [cause["effect"] for cause in causes]
+    foremost = [name for name in named if name in planted or name not in there]
+    groups = [cause["group"] for cause in causes if cause["effect"] in foremost]
+    return one | {
+        "verdict": found["verdict"],
+        "named": named,
+        "alarm": found["verdict"] != "consistent" or bool(set(named) - there),
+        "shapes": [f"{shape['channel']} {shape['shape']}" for shape in found["unlisted"]],
+        "first": bool(foremost and foremost[0] in planted),
+        "first_or_alias": bool(groups and set(groups[0]) & set(planted)),
+        "all_named": set(planted) <= set(named),
+        "all_or_alias": all(any(name in cause["group"] for cause in causes) for name in planted),
+        "extra": sorted({name for name in named if name not in allowed}),
+        "unlisted_found": _unlisted_found(truth["unlisted"], found["unlisted"]),
+        "probability": [_probability(name, causes) for name in planted],
+        "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],
+        "off": _off(causes, planted),
+        "profile_rad": _profile(named, fitted, np.load(profiles)),
+        "overlap": _overlap(causes, planted),
+        "regained": _regained(found["fit"]),
+        "error": None,
+    }
+
+
+def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
+    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off")} | {"alarm": False}
+    nothing |= dict.fromkeys(("first", "first_or_alias", "all_named", "all_or_alias", "unlisted_found"), False)
+    nothing |= dict.fromkeys(("profile_rad", "overlap", "regained"))
+    return nothing | {"verdict": None, "probability": [0.0] * len(planted)}
+
+
+def _seconds(answer: Path) -> float | None:
+    path = answer / "seconds.txt"
+    return float(path.read_text()) if path.exists() else None
+
+
+def _causes(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Causes, each with its alias group; stiffnesses outside what is configured are one, too."""
+    causes = [
+        cause | {"group": sorted({cause["effect"], *cause["indistinguishable_from"]})} for cause in found["causes"]
+    ]
+    stiff = [one for one in found["parameter_errors"] if "cornering_stiffness" in one["parameter"]]
+    if stiff and not any(cause["effect"] in SAME_TURN for cause in causes):
+        shares = {
+            f"{one['parameter'].partition('_')[0]}_scale": {
+                "value": one["fitted"] / one["configured"], "std": one["std"] / one["configured"],
+            }
+            for one in stiff
+        }  # fmt: skip
+        causes.append(
+            {"effect": "cornering_stiffness", "group": sorted(SAME_TURN), "parameters": shares}
+            | {"probability": 1.0, "alternatives": []}
+        )
+    return causes
+
+
+def _probability(name: str, causes: Sequence[Mapping[str, Any]]) -> float:
+    """What is given to one effect: its cause's, or what it has as another's alternative."""
+    best = 0.0
+    for cause in causes:
+        others = {other["effect"]: float(other["probability"]) for other in cause["alternatives"]}
+        if cause["effect"] == name:
+            best = max(best, 1.0 - sum(others.values()))
+        elif name in others:
+            best = max(best, others[name])
+        elif name in cause["group"]:
+            # Declared to be the same, without a figure: shared out evenly.
+            best = max(best, cause["probability"] / len(cause["group"]))
+    return best
+
+
+def _unlisted_found(planted: Sequence[Mapping[str, Any]], said: Sequence[Mapping[str, Any]]) -> bool:
+    return bool(planted) and all(any(one["channel"] == shape["channel"] for shape in said) for one in planted)
+
+
+def _off(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str, Any]]) -> list[float]:
+    """By how many of their spreads parameters are off."""
+    off = []
+    for cause in causes:
+        true = planted.get(cause["effect"], {})
+        # What the vocabulary calls by another name in the simulated car.
+        true = {key.removesuffix("_per_s"): value for key, value in true.items() if key not in HOW}
+        for name, one in cause["parameters"].items():
+            if name in true and one.get("std") and not isinstance(true[name], str):
+                off.append(float((one["value"] - true[name]) / one["std"]))
+    return off
+
+
+def _profile(named: Sequence[str], fitted: Mapping[str, Any], true: Mapping[str, Any]) -> float | None:
+    """How far a road's profile is off, rms, but for a constant; the worst of those that were named."""
+    found = []
+    for effect, (ours, theirs) in _PROFILES.items():
+        if effect in named and theirs in true and float(np.ptp(true[theirs])) > 0.0:
+            at_s = fitted["time_s"] - fitted["time_s"][0]
+            moving = np.interp(at_s, true["time_s"], true["speed_mps"]) > _DRIVING_MPS
+            found.append(float(np.std((fitted[ours] - np.interp(at_s, true["time_s"], true[theirs]))[moving])))
+    return max(found, default=None)
+
+
+def _overlap(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str, Any]]) -> float | None:
+    """Of a slippery stretch, what is said and true over what is said or true."""
+    true = planted.get("low_friction")
+    for cause in causes:
+        if true is not None and cause["effect"] == "low_friction":
+            start_s, end_s = (cause["parameters"][key]["value"] for key in ("start_s", "end_s"))
+            both = min(end_s, true["end_s"]) - max(start_s, true["start_s"])
+            return float(max(0.0, both) / (max(end_s, true["end_s"]) - min(start_s, true["start_s"])))
+    return None
+
+
+def _regained(fit: Mapping[str, Mapping[str, Any]]) -> float | None:
+    """Of what unseen rows could lose at best (all but the sensors' noise), what they lost: over channels, in power.
+
+    Each channel in units of its noise; None where nothing was to be gained.
+    """
+    before, after = 0.0, 0.0
+    for channel in fit.values():
+        floor = channel["noise_floor"]
+        if not (floor and math.isfinite(floor)):
+            continue
+        before += max((channel["held_out"]["before"] / floor) ** 2 - 1.0, 0.0)
+        after += max((channel["held_out"]["after"] / floor) ** 2 - 1.0, 0.0)
+    return 1.0 - after / before if before > 1.0 else None

@@ -1,0 +1,161 @@
+"""CommonRoad's multi-body car (29 states), compiled as it stands, under a road and a driver of our own.
+
+M. Althoff, G. Wuersching, "CommonRoad: Vehicle Models", 2020: sprung mass and two axles on springs, tyres by the Magic
+Formula with combined slip, spinning wheels; x ahead, y right, z down. The package's functions are compiled without a
+change: only what they call is put beside them. What it leaves out is put on top: gravity along a tilted road, wind.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections import namedtuple
+from functools import cache
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsz_daemon.errors import MachineError
+
+Array = NDArray[np.float64]
+
+G = 9.81
+STEP_S = 0.001
+STATES = 29
+# Of the states, as the package counts them.
+STEER, ALONG, YAW_RATE, ROLL, ROLL_RATE, PITCH, PITCH_RATE, ACROSS, SINKING = 2, 3, 5, 6, 7, 8, 9, 10, 12
+WHEELS = (23, 24, 25, 26)
+# The sprung mass and both axles go sideways.
+_SIDEWAYS = (10, 15, 20)
+
+
+def _package(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        what = "the third party's car needs commonroad-vehicle-models and numba"
+        raise MachineError(f"{what}: pip install dsz-daemon[prove]") from None
+
+
+def _numbers(name: str, record: Any, **more: Any) -> Any:
+    """A record's numbers as a named tuple, which compiled functions can read."""
+    found = {
+        key: float(value)
+        for key in dir(record)
+        if not key.startswith("_") and isinstance(value := getattr(record, key), int | float)
+    }
+    found |= more
+    return namedtuple(name, sorted(found))(**found)
+
+
+def as_numbers(parameters: Any, friction: float | None = None) -> Any:
+    """The package's parameters, to be handed to `courses`; with another grip of the tyres where one is given."""
+    tire = _numbers("Tire", parameters.tire)
+    if friction is not None:
+        tire = tire._replace(p_dx1=friction * np.sign(tire.p_dx1), p_dy1=friction * np.sign(tire.p_dy1))
+    return _numbers(
+        "Numbers",
+        parameters,
+        tire=tire,
+        steering=_numbers("Steering", parameters.steering),
+        longitudinal=_numbers("Longitudinal", parameters.longitudinal),
+    )
+
+
+def bmw_320i() -> Any:
+    """The package's vehicle 2."""
+    return _package("vehiclemodels.parameters_vehicle2").parameters_vehicle2()
+
+
+@cache
+def _model() -> Any:
+    """The package's right-hand side, compiled: f(state, (steering rate, acceleration), numbers)."""
+    numba = _package("numba")
+
+    def compiled(function: Any, **beside: Any) -> Any:
+        known = {**function.__globals__, **beside}
+        return numba.njit(nogil=True)(FunctionType(function.__code__, known, function.__name__))
+
+    tires, bounds = _package("vehiclemodels.utils.tire_model"), "vehiclemodels.utils"
+    sign = compiled(tires.sign)
+    tire = ModuleType("tire")
+    for name in ("longitudinal", "lateral", "longitudinal_comb", "lateral_comb"):
+        setattr(tire, f"formula_{name}", compiled(getattr(tires, f"formula_{name}"), sign=sign))
+    limits = {
+        name: compiled(getattr(_package(f"{bounds}.{name}"), name))
+        for name in ("steering_constraints", "acceleration_constraints")
+    }
+    slow = compiled(_package(f"{bounds}.vehicle_dynamics_ks_cog").vehicle_dynamics_ks_cog, **limits)
+    whole = _package("vehiclemodels.vehicle_dynamics_mb").vehicle_dynamics_mb
+    return compiled(whole, tireModel=tire, vehicle_dynamics_ks_cog=slow, **limits)
+
+
+@cache
+def _loop() -> Any:
+    """One drive, compiled."""
+    numba, model, sideways = _package("numba"), _model(), _SIDEWAYS
+
+    def rates(state: Array, steer: float, wanted: float, numbers: Any, uphill: float, right: float) -> Array:
+        state = state.copy()
+        state[STEER] = steer
+        found = np.array(model(state, np.array([0.0, wanted]), numbers))
+        found[ALONG] -= uphill
+        for i in sideways:
+            found[i] += right
+        return found
+
+    rates_of = numba.njit(nogil=True)(rates)
+
+    def driven(
+        state: Array, hand: Array, speed: Array, accel: Array, uphill: Array, right: Array, wind: Array,
+        slippery: NDArray[np.bool_], soft: float, dry: Any, wet: Any,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
+        n = len(hand)
+        states, changes, steers = np.zeros((n, STATES)), np.zeros((n, STATES)), np.zeros(n)
+        front_n = 0.0
+        for i in range(n):
+            numbers = wet if slippery[i] else dry
+            steer = hand[i] - soft * front_n
+            side = right[i] + wind[i] / numbers.m
+            wanted = accel[i] + uphill[i] + (speed[i] - state[ALONG])
+            k1 = rates_of(state, steer, wanted, numbers, uphill[i], side)
+            states[i], changes[i], steers[i] = state, k1, steer
+            states[i, STEER] = steer
+            # The moment about the rear axle tells the force of the front one (to the right).
+            across = k1[ACROSS] + state[YAW_RATE] * state[ALONG] - side
+            front_n = (numbers.m * numbers.b * across + numbers.I_z * k1[YAW_RATE]) / (numbers.a + numbers.b)
+            k2 = rates_of(state + 0.5 * STEP_S * k1, steer, wanted, numbers, uphill[i], side)
+            k3 = rates_of(state + 0.5 * STEP_S * k2, steer, wanted, numbers, uphill[i], side)
+            k4 = rates_of(state + STEP_S * k3, steer, wanted, numbers, uphill[i], side)
+            state = state + STEP_S / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        return states, changes, steers
+
+    return numba.njit(nogil=True)(driven)
+
+
+def courses(
+    dry: Any,
+    wet: Any,
+    hand_rad: Array,
+    speed_mps: Array,
+    uphill_mps2: Array,
+    right_mps2: Array,
+    wind_n: Array,
+    slippery: NDArray[np.bool_],
+    soft_rad_per_n: float,
+) -> tuple[Array, Array, Array]:
+    """States (n, 29), their rates (n, 29) and the front wheels' angle (n,), at STEP_S; the package's axes.
+
+    `hand_rad` (n,): the front wheels' angle without compliance, to the right; `speed_mps` (n,) what the driver wants;
+    `uphill_mps2`, `right_mps2` (n,): gravity against the car and to its right; `wind_n` (n,) to the right;
+    `soft_rad_per_n`: how far the front axle's lateral force turns its wheels back.
+    """
+    init = _package("vehiclemodels.init_mb").init_mb
+    start = np.array(init([0.0, 0.0, float(hand_rad[0]), float(speed_mps[0]), 0.0, 0.0, 0.0], bmw_320i()))
+    start[list(WHEELS)] = speed_mps[0] / dry.R_w
+    accel = np.gradient(speed_mps, STEP_S)
+    found: tuple[Array, Array, Array] = _loop()(
+        start, hand_rad, speed_mps, accel, uphill_mps2, right_mps2, wind_n, slippery, soft_rad_per_n, dry, wet
+    )
+    return found

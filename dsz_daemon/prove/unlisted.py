@@ -1,0 +1,85 @@
+"""Physics that the vocabulary has no name for, put between the true motion and the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsz_daemon.sim.drive import Columns
+
+Array = NDArray[np.float64]
+
+
+class Unlisted(NamedTuple):
+    """What it is in words, the channel that shows it, what it does to it, and how large it is at size 1.
+
+    `shown(columns, size, exponent)` (n,) is added to the channel.
+    """
+
+    words: str
+    channel: str
+    shown: Callable[[Mapping[str, Array], float, float], Array]
+    size: float
+    exponents: tuple[float, float]
+
+
+def _signed(values: Array, exponent: float) -> Array:
+    return np.asarray(np.sign(values) * np.abs(values) ** exponent, dtype=np.float64)
+
+
+def _across(columns: Mapping[str, Array]) -> Array:
+    return columns["gyro_z_radps"] * columns["speed_mps"]
+
+
+def _speed(columns: Mapping[str, Array]) -> Array:
+    """Over 20 m/s; a car that stands may roll back by a hair."""
+    return np.maximum(columns["speed_mps"], 0.0) / 20.0
+
+
+# Exponents are drawn between two: a quadratic law is as good as one with 1.8.
+UNLISTED = {
+    "vibration": Unlisted(
+        "vibration that a sensor rectifies: it grows with the speed",
+        "accel_x_mps2",
+        lambda c, size, n: size * _speed(c) ** n,
+        0.2,
+        (1.7, 2.8),
+    ),
+    "shaking": Unlisted(
+        "vibration that a sensor rectifies, upwards",
+        "accel_z_mps2",
+        lambda c, size, n: size * _speed(c) ** n,
+        0.3,
+        (1.7, 2.8),
+    ),
+    "trailer": Unlisted(
+        "a trailer that pushes the car further round in hard bends",
+        "gyro_z_radps",
+        lambda c, size, n: size * _signed(_across(c) / 3.0, n),
+        0.012,
+        (2.5, 3.5),
+    ),
+    "magnet": Unlisted(
+        "a wheel's sensor whose field grows with the speed",
+        "wheel_speed_rl_mps",
+        lambda c, size, n: size * _speed(c) ** n,
+        0.3,
+        (1.8, 2.2),
+    ),
+    "squat": Unlisted(
+        "an accelerometer that is pulled along with what turns it, by the square",
+        "accel_y_mps2",
+        lambda c, size, n: size * np.abs(_across(c) / 3.0) ** n,
+        0.25,
+        (1.8, 2.2),
+    ),
+}
+
+
+def with_unlisted(columns: Columns, name: str, size: float, exponent: float) -> Columns:
+    """The columns with one of these in them."""
+    row = UNLISTED[name]
+    return columns | {row.channel: columns[row.channel] + row.shown(columns, size * row.size, exponent)}

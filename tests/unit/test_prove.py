@@ -1,0 +1,227 @@
+"""The proof: what is drawn, how it is sealed, how answers are scored."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsz_daemon.edge.samples_file import write_columns
+from dsz_daemon.errors import ConfigError, InputError
+from dsz_daemon.prove.mix import MILD, OWN, as_truth, trials
+from dsz_daemon.prove.page import is_failure, page
+from dsz_daemon.prove.prove import _claim
+from dsz_daemon.prove.score import scored
+from dsz_daemon.prove.seal import opened, sealed
+from dsz_daemon.prove.sizes import at_size
+from dsz_daemon.prove.summary import summary, wilson
+from dsz_daemon.prove.unlisted import UNLISTED, with_unlisted
+from dsz_daemon.prove.ways import car, way
+from dsz_daemon.sim.effects import EFFECTS, faults
+from dsz_daemon.sim.journey import programme_along
+
+
+def test_the_mix_is_drawn_by_the_seed_and_in_no_order() -> None:
+    drawn = trials(5, 400)
+    assert drawn == trials(5, 400)
+    assert drawn != trials(6, 400)
+    groups = Counter(trial.group for trial in drawn)
+    assert groups["null"] == 120
+    assert groups["unlisted"] >= 0.15 * 400
+    assert sum(groups.values()) == 400
+    first = Counter(trial.group for trial in drawn[:200])
+    assert all(abs(first[group] - count / 2) < 3.0 * count**0.5 for group, count in groups.items())
+    assert {trial.size for trial in drawn if trial.group == "single"} == {1.0, 0.3, 0.1}
+    assert {trial.car for trial in drawn if trial.group == "single"} == {"own", "third_party"}
+    # What is drawn can be simulated.
+    assert not [fault for trial in drawn for fault in faults([*trial.effects, *trial.mild])]
+
+
+def test_of_nulls_half_have_another_stiffness_and_nothing_else() -> None:
+    nulls = [trial for trial in trials(5, 1000) if trial.group == "null"]
+    assert {trial.effects + trial.unlisted + trial.mild for trial in nulls} == {()}
+    assert {trial.car for trial in nulls} == {OWN}
+    off = [trial for trial in nulls if trial.stiffness != (1.0, 1.0)]
+    assert 0.4 < len(off) / len(nulls) < 0.6
+    assert all(0.9 < share < 1.1 for trial in off for share in trial.stiffness)
+    assert 0.4 < sum(trial.flicker for trial in nulls) / len(nulls) < 0.6
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_smaller_is_nearer_to_nothing(name: str) -> None:
+    plain, small = at_size(name, 1.0), at_size(name, 0.1)
+    if name == "axis_fault":
+        assert small is None
+        return
+    assert plain is not None
+    assert small is not None
+    for key, value in plain.given.items():
+        if key in {"cutoff_hz", "accel_limit_mps2", "friction_coefficient"}:
+            assert float(small.given[key]) > 3.0 * float(value)
+            continue
+        neutral = 1.0 if name in {"wheel_radius", "steering_ratio", "cornering_stiffness"} else 0.0
+        assert float(small.given[key]) - neutral == pytest.approx(0.1 * (float(value) - neutral))
+
+
+@pytest.mark.parametrize("kind", ["city", "highway"])
+@pytest.mark.parametrize("may_stand", [True, False])
+def test_ways_can_be_driven_and_last(kind: str, may_stand: bool) -> None:
+    for seed in range(30):
+        found = way(np.random.default_rng(seed), kind, 150.0, may_stand)
+        programme = programme_along(found.legs, found.stand_s, found.start_mps)
+        time_s = np.arange(0.0, 150.0, 0.1)
+        speed, _ = programme.wanted(time_s)
+        assert programme.duration_s > 150.0
+        # A car without tyres for standing keeps rolling.
+        assert may_stand or speed.min() > 3.0
+        assert speed.max() < 36.0
+
+
+def test_cars_understeer() -> None:
+    for seed in range(50):
+        one = car(np.random.default_rng(seed))
+        front = one.cg_to_rear_axle_m / one.front_cornering_stiffness_n_per_rad
+        assert front > one.cg_to_front_axle_m / one.rear_cornering_stiffness_n_per_rad
+
+
+@pytest.mark.parametrize("name", sorted(UNLISTED))
+def test_what_has_no_name_is_in_its_channel_alone(name: str) -> None:
+    rng = np.random.default_rng(3)
+    names = ["speed_mps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2", "wheel_speed_rl_mps"]
+    columns = {key: 10.0 + rng.normal(size=50) for key in names}
+    changed = with_unlisted(columns, name, 1.0, 2.0)
+    assert [key for key in columns if not np.array_equal(columns[key], changed[key])] == [UNLISTED[name].channel]
+    half = with_unlisted(columns, name, 0.5, 2.0)[UNLISTED[name].channel] - columns[UNLISTED[name].channel]
+    whole = changed[UNLISTED[name].channel] - columns[UNLISTED[name].channel]
+    assert half == pytest.approx(0.5 * whole)
+
+
+def test_a_seal_that_was_broken_is_seen(tmp_path: Path) -> None:
+    truth = {"number": 1, "effects": [{"effect": "gyro_scale"}]}
+    published = sealed(truth, tmp_path / "1.json")
+    assert opened(tmp_path / "1.json", published) == truth
+    # The same truth has another hash each time: nobody can try truths until one fits.
+    assert sealed(truth, tmp_path / "2.json") != published
+    text = (tmp_path / "1.json").read_text()
+    (tmp_path / "1.json").write_text(text.replace("gyro_scale", "accel_scale"))
+    with pytest.raises(InputError, match="not what was sealed"):
+        opened(tmp_path / "1.json", published)
+
+
+def test_a_folder_holds_one_proof(tmp_path: Path) -> None:
+    _claim(tmp_path, {"seed": 1, "trials": 40})
+    _claim(tmp_path, {"seed": 1, "trials": 40})
+    with pytest.raises(ConfigError, match="holds another proof"):
+        _claim(tmp_path, {"seed": 2, "trials": 40})
+
+
+def test_wilsons_intervals() -> None:
+    """Hand values: none of 300 leaves up to 1.26 %; of 81 of 263 the interval is that of Newcombe 1998, method 3."""
+    assert wilson(0, 300) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.01264, abs=1e-5))
+    assert wilson(81, 263) == (pytest.approx(0.2553, abs=1e-4), pytest.approx(0.3662, abs=1e-4))
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def cause(effect: str, alike: tuple[str, ...] = (), others: tuple[tuple[str, float], ...] = (), **values: Any) -> Any:
+    return {
+        "effect": effect,
+        "probability": 0.9,
+        "parameters": {key: {"value": value, "std": std} for key, (value, std) in values.items()},
+        "indistinguishable_from": list(alike),
+        "alternatives": [{"effect": name, "probability": odds} for name, odds in others],
+    }
+
+
+def answered(folder: Path, causes: list[Any], planted: list[Any], **truth: Any) -> dict[str, Any]:
+    found = {
+        "verdict": "explained" if causes else "consistent",
+        "causes": causes,
+        "parameter_errors": truth.pop("errors", []),
+        "unlisted": truth.pop("shapes", []),
+        "fit": truth.pop("fit", {}),
+    }
+    (folder / "diagnosis.json").write_text(json.dumps(found))
+    zeros = np.zeros(100)
+    profile = np.linspace(0.0, 0.1, 100)
+    write_columns(
+        {"time_s": np.arange(100.0), "road_grade_up_rad": profile, "road_bank_rad": zeros}, folder / "fit.parquet"
+    )
+    np.savez(folder / "1.npz", time_s=np.arange(100.0), speed_mps=zeros + 10.0, road_grade_up_rad=2.0 * profile)
+    whole = as_truth(trials(1, 10)[0]) | {"effects": planted, "group": "single", "unlisted": [], "mild": []}
+    whole |= {"by_construction": [], "stiffness": (1.0, 1.0)} | truth
+    return scored(whole, folder, folder / "1.npz")
+
+
+def test_the_planted_effect_first_is_right(tmp_path: Path) -> None:
+    planted = [{"effect": "gyro_scale", "parameters": {"x": 0.05}}]
+    one = answered(tmp_path, [cause("gyro_scale", x=(0.06, 0.004)), cause("wheel_slip")], planted)
+    assert (one["first"], one["all_named"], one["extra"]) == (True, True, ["wheel_slip"])
+    assert one["off"] == [pytest.approx(2.5)]
+    assert is_failure(one)
+    one = answered(tmp_path, [cause("wheel_slip"), cause("gyro_scale")], planted)
+    assert (one["first"], one["all_named"]) == (False, True)
+    one = answered(tmp_path, [cause("gyro_scale")], planted)
+    assert not is_failure(one)
+
+
+def test_what_a_car_always_has_is_no_extra_and_comes_before_nothing(tmp_path: Path) -> None:
+    planted = [{"effect": "imu_delay", "parameters": {}}]
+    causes = [cause("suspension_roll"), cause("imu_delay")]
+    one = answered(tmp_path, causes, planted, by_construction=["suspension_roll"])
+    assert (one["first"], one["extra"]) == (True, [])
+    one = answered(tmp_path, causes, planted, mild=[{"effect": "suspension_roll", "parameters": {}}])
+    assert (one["first"], one["extra"]) == (True, [])
+
+
+def test_an_alias_is_not_wrong_and_not_right(tmp_path: Path) -> None:
+    planted = [{"effect": "imu_delay", "parameters": {}}]
+    one = answered(tmp_path, [cause("sensor_bandwidth", ("imu_delay",), (("imu_delay", 0.3),))], planted)
+    assert (one["first"], one["first_or_alias"], one["extra"]) == (False, True, [])
+    assert one["probability"] == [0.3]
+    one = answered(tmp_path, [cause("imu_delay", (), (("sensor_bandwidth", 0.2),))], planted)
+    assert one["probability"] == [0.8]
+
+
+def test_a_null_alarms_by_a_name_or_by_its_verdict_and_not_by_a_stiffness_that_is_off(tmp_path: Path) -> None:
+    stiff = {"parameter": "front_cornering_stiffness_n_per_rad", "configured": 1.0, "fitted": 0.95, "std": 0.01}
+    assert not answered(tmp_path, [], [], group="null")["alarm"]
+    assert answered(tmp_path, [cause("wheel_slip")], [], group="null")["alarm"]
+    assert not answered(tmp_path, [], [], group="null", errors=[stiff], stiffness=(0.95, 1.0))["alarm"]
+    assert answered(tmp_path, [], [], group="null", errors=[stiff])["alarm"]
+
+
+def test_profiles_and_places_and_what_is_regained(tmp_path: Path) -> None:
+    grade = [{"effect": "road_grade", "parameters": {"rms_rad": 0.03}}]
+    fit = {"accel_x": {"held_out": {"before": 11.0, "after": 2.0}, "noise_floor": 1.0}}
+    one = answered(tmp_path, [cause("road_grade")], grade, fit=fit)
+    assert one["profile_rad"] == pytest.approx(float(np.std(np.linspace(0.0, 0.1, 100))))
+    assert one["regained"] == pytest.approx(1.0 - 3.0 / 120.0)
+    ice = [{"effect": "low_friction", "parameters": {"start_s": 40.0, "end_s": 80.0}}]
+    one = answered(tmp_path, [cause("low_friction", start_s=(50.0, 1.0), end_s=(90.0, 1.0))], ice)
+    assert one["overlap"] == pytest.approx(30.0 / 50.0)
+    # Moments are told by their overlap.
+    assert one["off"] == []
+
+
+def test_what_has_no_name_is_found_in_its_channel(tmp_path: Path) -> None:
+    nameless = [{"name": "vibration", "channel": "accel_x"}]
+    shape = {"channel": "accel_x", "shape": "k*vx^2"}
+    assert answered(tmp_path, [], [], unlisted=nameless, shapes=[shape])["unlisted_found"]
+    assert not answered(tmp_path, [], [], unlisted=nameless, shapes=[shape | {"channel": "accel_y"}])["unlisted_found"]
+    assert not answered(tmp_path, [], [])["unlisted_found"]
+
+
+def test_the_page_tells_failures_first(tmp_path: Path) -> None:
+    good = answered(tmp_path, [cause("gyro_scale")], [{"effect": "gyro_scale", "parameters": {}}])
+    bad = answered(tmp_path, [cause("wheel_slip")], [], group="null") | {"number": 77}
+    protocol = {"trials": 2, "seed": 1, "version": "0", "judge": "0" * 64}
+    written = page({"trials": [good, bad], "protocol": protocol, "summary": summary([good, bad])})
+    failures = written[written.index("## Failures") : written.index("## By effect")]
+    assert "| 77 |" in failures
+    assert failures.count("\n| ") == 2
+    assert "false alarms on nulls | 1 of 1" in written
+    assert MILD <= 0.01

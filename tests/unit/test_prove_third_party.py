@@ -1,0 +1,147 @@
+"""The third party's car: its own equations, compiled; and what sensors on it show, from physics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("vehiclemodels", reason="commonroad-vehicle-models is not installed (extra: prove)")
+
+from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
+
+from dsz_daemon.prove import third_party_model as model
+from dsz_daemon.prove.third_party_car import _Course, _felt, simulated
+from dsz_daemon.prove.ways import Way
+from dsz_daemon.sim.effects import Choice
+from dsz_daemon.sim.journey import Leg
+from dsz_daemon.sim.sensors import SensorErrors
+
+QUIET = SensorErrors(noisy=False)
+
+
+def level(seconds: float, steer: float, speed: float, wind_n: float = 0.0, bank: float = 0.0) -> np.ndarray:
+    n = round(seconds / model.STEP_S)
+    one = np.ones(n)
+    numbers = model.as_numbers(model.bmw_320i())
+    side = model.G * math.sin(bank) * one
+    states, _, _ = model.courses(numbers, numbers, steer * one, speed * one, 0 * one, side, wind_n * one, one < 0, 0.0)
+    return np.asarray(states)
+
+
+def test_compiled_it_is_the_packages_own_to_the_last_bit() -> None:
+    parameters, rng = model.bmw_320i(), np.random.default_rng(1)
+    numbers, f = model.as_numbers(parameters), model._model()
+    rest = level(1.0, 0.01, 15.0)[-1]
+    for _ in range(20):
+        state = rest + rng.normal(0.0, 1e-3, model.STATES)
+        inputs = rng.normal(0.0, 0.3, 2)
+        theirs = vehicle_dynamics_mb(list(state), list(inputs), parameters)
+        assert list(f(state.copy(), inputs, numbers)) == theirs
+
+
+def test_a_steady_turn_is_that_of_a_neutral_car() -> None:
+    """Stiffness in proportion to load: r = v delta / L; the body leans out of the bend (to the left: roll < 0)."""
+    parameters = model.bmw_320i()
+    last = level(6.0, 0.01, 15.0)[-1]
+    assert last[model.YAW_RATE] == pytest.approx(15.0 * 0.01 / (parameters.a + parameters.b), rel=0.08)
+    assert last[model.ROLL] < -0.003
+
+
+def test_wind_and_bank_push_it_the_same_way() -> None:
+    parameters = model.bmw_320i()
+    bank = 0.02
+    by_road = level(3.0, 0.0, 15.0, bank=bank)[-1]
+    by_wind = level(3.0, 0.0, 15.0, wind_n=parameters.m * model.G * math.sin(bank))[-1]
+    assert by_wind == pytest.approx(by_road)
+    # Gravity pulls to the low side, the right.
+    assert level(0.1, 0.0, 15.0, bank=bank)[-1][model.ACROSS] > 5e-3
+
+
+def test_softer_wheels_turn_back() -> None:
+    n = 3000
+    one, numbers = np.ones(n), model.as_numbers(model.bmw_320i())
+    _, _, stiff = model.courses(numbers, numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, one < 0, 0.0)
+    states, changes, soft = model.courses(
+        numbers, numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, one < 0, 2e-6
+    )
+    assert stiff[-1] == 0.02
+    # In a steady turn the front axle carries its share of m v r.
+    p = model.bmw_320i()
+    force = p.m * p.b / (p.a + p.b) * states[-1, model.YAW_RATE] * states[-1, model.ALONG]
+    assert soft[-1] == pytest.approx(0.02 - 2e-6 * force, abs=2e-5)
+    assert abs(changes[-1, model.YAW_RATE]) < 0.01
+
+
+def course(**state: float) -> _Course:
+    """A car that stands still in time, n rows alike."""
+    states = np.zeros((5, model.STATES))
+    for name, value in state.items():
+        states[:, getattr(model, name)] = value
+    nothing = np.zeros(5)
+    return _Course(states, np.zeros_like(states), nothing, nothing, nothing)
+
+
+def felt(one: _Course, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    zero = np.zeros(5)
+    rates, force = _felt(one, zero, zero, zero, zero + turn)
+    return rates[2], force[2]
+
+
+def test_a_leaning_body_reads_gravity_along_its_axes() -> None:
+    roll, pitch = 0.03, 0.02
+    _, force = felt(course(ROLL=roll))
+    assert force == pytest.approx([0.0, model.G * math.sin(roll), model.G * math.cos(roll)])
+    # Their pitch has the nose up: gravity is felt ahead then, as when speeding up.
+    _, force = felt(course(PITCH=pitch))
+    assert force == pytest.approx([model.G * math.sin(pitch), 0.0, model.G * math.cos(pitch)])
+
+
+def test_a_banked_and_a_climbing_road_are_read_too() -> None:
+    still = course()
+    bank, grade = np.full(5, 0.05), np.full(5, 0.04)
+    _, force = felt(still._replace(bank_rad=bank))
+    assert force == pytest.approx([0.0, model.G * math.sin(0.05), model.G * math.cos(0.05)])
+    _, force = felt(still._replace(grade_rad=grade))
+    assert force == pytest.approx([model.G * math.sin(0.04), 0.0, model.G * math.cos(0.04)])
+
+
+def test_a_turn_is_felt_along_the_bodys_axes() -> None:
+    """Nose up by theta in a turn r to the left: the roll gyro, ahead and up, reads r sin(theta)."""
+    rates, _ = felt(course(PITCH=0.02), turn=0.3)
+    assert rates == pytest.approx([0.3 * math.sin(0.02), 0.0, 0.3 * math.cos(0.02)])
+    rates, _ = felt(course(ROLL=0.03), turn=0.3)
+    assert rates == pytest.approx([0.0, 0.3 * math.sin(0.03), 0.3 * math.cos(0.03)])
+
+
+BEND = Way((Leg(150.0, 12.0), Leg(150.0, 12.0, 0.015), Leg(240.0, 12.0)), 0.0, 12.0)
+
+
+def test_to_the_left_all_is_to_the_left() -> None:
+    found = simulated(BEND, 3, 20.0, (), QUIET).truth
+    bend = (found["time_s"] > 15.0) & (found["time_s"] < 18.0)
+    mean = {name: float(np.mean(column[bend])) for name, column in found.items()}
+    assert mean["gyro_z_radps"] == pytest.approx(12.0 * 0.015, rel=0.15)
+    assert mean["steering_wheel_angle_rad"] > 0.3
+    assert mean["roll_rad"] > 0.01
+    # v r and what gravity adds to it where the body leans out of the bend.
+    leak = model.G * mean["roll_rad"]
+    assert mean["accel_y_mps2"] == pytest.approx(mean["speed_mps"] * mean["gyro_z_radps"] + leak, rel=0.02)
+    assert mean["wheel_speed_fr_mps"] > mean["wheel_speed_fl_mps"]
+    # Of which less is left upwards.
+    across = mean["speed_mps"] * mean["gyro_z_radps"]
+    assert mean["accel_z_mps2"] == pytest.approx(model.G - across * mean["roll_rad"], abs=0.01)
+
+
+def test_effects_are_put_into_it() -> None:
+    plain = simulated(BEND, 3, 20.0, (), QUIET).truth
+    late = simulated(BEND, 3, 20.0, (Choice("steering_offset", {"offset_rad": 0.003}),), QUIET).truth
+    more = float(np.mean(late["gyro_z_radps"][3000:]) - np.mean(plain["gyro_z_radps"][3000:]))
+    assert more == pytest.approx(12.0 * 0.003 / 2.58, rel=0.15)
+    ahead = simulated(BEND, 3, 20.0, (Choice("imu_lever_arm", {"x_m": 1.0}),), QUIET).truth
+    pulled = ahead["accel_x_mps2"] - plain["accel_x_mps2"]
+    assert pulled == pytest.approx(-(plain["gyro_z_radps"] ** 2 + plain["gyro_y_radps"] ** 2), abs=1e-6)
+    small = simulated(BEND, 3, 20.0, (Choice("wheel_radius", {"fl": 1.01}),), replace(QUIET)).truth
+    assert small["wheel_speed_fl_mps"] * 1.01 == pytest.approx(plain["wheel_speed_fl_mps"])
