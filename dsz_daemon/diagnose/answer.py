@@ -17,9 +17,9 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OF_ITSELF, Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
+from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
@@ -34,10 +34,6 @@ _STIFFNESS_SHARE = 0.05
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 # Of a factor that all wheels share: a drive that tells it no better does not tell it.
 _UNTOLD_FACTOR = 0.005
-# A channel that is off by so many times its noise and the simulation's coarseness is not explained.
-UNEXPLAINED = 3.0
-# So many times more than that a sensor's own noise may be.
-_COLOURED = 2.0
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
@@ -60,18 +56,18 @@ _BEYOND = {
 
 def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) -> Diagnosis:
     """What is said of a search, after the faults that were mended before it."""
+    level = level_of(found)
+    unexplained = unexplained_of(found, level)
     errors = _parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
-    causes = [cause for effect in named if (cause := _cause(found, effect)) is not None]
+    causes = [cause for effect in named if (cause := _cause(found, effect, doubt(level, unexplained))) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
-    level = _level(found)
-    unexplained = _unexplained(found, level)
     said = causes or errors or shapes or unexplained
     offsets = _offsets(found)
     return Diagnosis(
-        _verdict(bool(causes), bool(shapes or unexplained)),
+        verdict(bool(causes), bool(shapes or unexplained)),
         located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if said else [],
         causes,
         errors,
@@ -108,27 +104,6 @@ def _offsets(found: Search) -> dict[str, tuple[float, float]]:
     return offsets
 
 
-def _unexplained(found: Search, level: Mapping[str, float]) -> list[str]:
-    """Channels that are off by more than noise and coarseness leave, and not by a sensor's own colour of noise."""
-    names = channel_names(found.drive)
-    return [
-        name
-        for name, value in level.items()
-        if value > UNEXPLAINED
-        and (
-            name not in IMU_CHANNELS
-            or value > _COLOURED * UNEXPLAINED
-            or not is_its_own(found.drive, found.rows, found.best.left[:, names.index(name)], names.index(name))
-        )
-    ]
-
-
-def _verdict(explained: bool, left: bool) -> str:
-    if left:
-        return "partly_explained" if explained else "unexplained"
-    return "explained" if explained else "consistent"
-
-
 def _usual(found: Search) -> Floats:
     """What each channel scatters by where all is explained."""
     n = np.maximum(found.best.sums.counts.sum(axis=0), 1.0)
@@ -136,8 +111,8 @@ def _usual(found: Search) -> Floats:
     return np.asarray(np.maximum(rms, found.best.scatter), dtype=np.float64)
 
 
-def _cause(found: Search, effect: str) -> Cause | None:
-    """One named effect; None where it is too small to be given a name."""
+def _cause(found: Search, effect: str, doubted: float = 1.0) -> Cause | None:
+    """One named effect, its spreads `doubted` times larger; None where it is too small to be given a name."""
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
     least = {p.name: p.least for p in described.parameters}
@@ -164,7 +139,7 @@ def _cause(found: Search, effect: str) -> Cause | None:
         effect,
         1.0 - odds,
         words,
-        {name: Value(value, std, units[name]) for name, (value, std) in values.items()},
+        {name: Value(value, None if s is None else doubted * s, units[name]) for name, (value, s) in values.items()},
         described.equation,
         found.gains[effect],
         dict(found.elsewhere[effect]),
@@ -317,15 +292,6 @@ def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
             configured = ratio if key == "steering_ratio" else float(getattr(car, key))
             errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
     return errors
-
-
-def _level(found: Search) -> dict[str, float]:
-    """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
-    n = found.best.sums.counts.sum(axis=0)
-    rms = np.sqrt(found.best.sums.left.sum(axis=0) / np.maximum(n, 1.0)) * found.best.scatter
-    expected = np.hypot(floors(found.drive), found.best.form)
-    names = channel_names(found.drive)
-    return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
 
 
 def _fit(found: Search) -> dict[str, ChannelFit]:

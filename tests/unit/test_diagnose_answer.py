@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import aliases, answer
+from dsz_daemon.diagnose import aliases, answer, level
 from dsz_daemon.diagnose.effects import BUILT_IN
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.search import Step
@@ -31,7 +31,7 @@ def found(rivals: dict[str, dict[str, float]], effects: tuple[str, ...]) -> Any:
     ],
 )
 def test_the_verdict_comes_from_causes_and_from_what_is_left(explained: bool, left: bool, verdict: str) -> None:
-    assert answer._verdict(explained, left) == verdict
+    assert level.verdict(explained, left) == verdict
 
 
 def test_what_comes_near_is_in_the_group_and_what_does_not_shares_the_odds() -> None:
@@ -100,12 +100,12 @@ def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monke
 def test_the_level_is_what_is_left_over_noise_and_coarseness(monkeypatch: pytest.MonkeyPatch) -> None:
     counts, left = np.zeros((2, 13)), np.zeros((2, 13))
     counts[:, 3], left[:, 3] = 50.0, 200.0  # twice the scatter of 0.1: 0.2
-    monkeypatch.setattr(answer, "floors", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
     fit = SimpleNamespace(
         sums=SimpleNamespace(counts=counts, left=left), scatter=np.full(13, 0.1), form=np.full(13, 0.04)
     )
     search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
-    assert answer._level(search) == {"accel_x": pytest.approx(0.2 / 0.05)}
+    assert level.level_of(search) == {"accel_x": pytest.approx(0.2 / 0.05)}
 
 
 def test_a_turned_mount_is_the_same_as_an_offset() -> None:
@@ -197,3 +197,10 @@ def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.
     for gain, expected in ((0.0, ["front_track_m"]), (50.0, ["front_cornering_stiffness_n_per_rad", "front_track_m"])):
         monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_, gain=gain: gain)
         assert [error.parameter for error in answer._parameter_errors(search, map)] == expected
+
+
+def test_where_a_channel_is_not_explained_spreads_are_larger() -> None:
+    levels = {"accel_x": 1.2, "accel_y": 9.0, "gyro_z": 4.0}
+    assert level.doubt(levels, []) == 1.0
+    assert level.doubt(levels, ["gyro_z"]) == pytest.approx(2.0)
+    assert level.doubt(levels, ["gyro_z", "accel_y"]) == pytest.approx(3.0)

@@ -1,0 +1,59 @@
+"""How much is left of each channel, and what that says: the verdict, and how far the numbers are to be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import floors
+from dsz_daemon.diagnose.locate import channel_names
+from dsz_daemon.diagnose.own_noise import is_its_own
+from dsz_daemon.diagnose.search import Search
+from dsz_daemon.signals import IMU_CHANNELS
+
+# A channel that is off by so many times its noise and the simulation's coarseness is not explained.
+UNEXPLAINED = 3.0
+# So many times more than that a sensor's own noise may be.
+_COLOURED = 2.0
+
+
+def level_of(found: Search) -> dict[str, float]:
+    """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
+    n = found.best.sums.counts.sum(axis=0)
+    rms = np.sqrt(found.best.sums.left.sum(axis=0) / np.maximum(n, 1.0)) * found.best.scatter
+    expected = np.hypot(floors(found.drive), found.best.form)
+    names = channel_names(found.drive)
+    return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
+
+
+def unexplained_of(found: Search, level: Mapping[str, float]) -> list[str]:
+    """Channels that are off by more than noise and coarseness leave, and not by a sensor's own colour of noise."""
+    names = channel_names(found.drive)
+    return [
+        name
+        for name, value in level.items()
+        if value > UNEXPLAINED
+        and (
+            name not in IMU_CHANNELS
+            or value > _COLOURED * UNEXPLAINED
+            or not is_its_own(found.drive, found.rows, found.best.left[:, names.index(name)], names.index(name))
+        )
+    ]
+
+
+def verdict(explained: bool, left: bool) -> str:
+    """The contract's word for it."""
+    if left:
+        return "partly_explained" if explained else "unexplained"
+    return "explained" if explained else "consistent"
+
+
+def doubt(level: Mapping[str, float], unexplained: Collection[str]) -> float:
+    """How much larger spreads are than those of the fit, where a simulation is off by more than its parameters tell.
+
+    The root of the worst channel's level: its square is Birge's ratio, which holds where all that is left were to be
+    blamed on the parameter.
+    """
+    return math.sqrt(max((level[name] for name in unexplained), default=1.0))
