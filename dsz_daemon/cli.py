@@ -126,13 +126,14 @@ def _prove(arguments: argparse.Namespace) -> int:
 
     with screen.progress("prove", arguments.json) as progress:
         result = prove(arguments.output, arguments.seed, arguments.trials, arguments.jobs, progress)
-    for page in (arguments.output / "proof.md", arguments.page):
+    for page in (arguments.output / "proof.md", arguments.output / "proof.html", arguments.page):
         if page is not None:
             write_page(result, page)
 
     def words() -> None:
-        print("\n".join(results_lines(result["summary"])))
-        print(f"page: {arguments.output / 'proof.md'}")
+        for what, reached, bar, holds in results_lines(result["summary"]):
+            print(f"{what}: {reached}; {bar}: {holds.strip('*')}")
+        print(f"page: {arguments.output / 'proof.html'}")
 
     return _show(arguments, result, words)
 

@@ -11,6 +11,7 @@ from dsz_daemon.errors import MachineError
 from dsz_daemon.prove.mix import SECONDS
 from dsz_daemon.prove.third_party_car import BY_CONSTRUCTION
 from dsz_daemon.prove.unlisted import UNLISTED
+from dsz_daemon.report.proof_page import proof_page
 
 Scores = Sequence[Mapping[str, Any]]
 
@@ -88,21 +89,31 @@ def page(result: Mapping[str, Any]) -> str:
         unlisted=groups["unlisted"],
         construction=", ".join(f"`{name}`" for name in sorted(BY_CONSTRUCTION)),
     )
-    parts = [head, "## Results\n", _results(summary), "## Failures\n", _failures(scores), "## By effect\n"]
-    parts += [_by_effect(scores), "## What has no name\n", _nameless(scores), "## Every trial\n", _every(scores)]
-    return "\n".join(parts)
+    sections = {
+        "Results": _results(summary),
+        "Rivals": _rivals(summary),
+        "Failures": _failures(scores),
+        "By effect": _by_effect(scores),
+        "What has no name": _nameless(scores),
+        "Every trial": _every(scores),
+    }
+    return "\n".join([head, *(f"## {name}\n\n{text}" for name, text in sections.items())])
 
 
 def write_page(result: Mapping[str, Any], path: Path) -> None:
-    """MachineError where it can't be written."""
+    """As Markdown, or as HTML by its name. MachineError where it can't be drawn or written."""
     try:
-        path.write_text(page(result), encoding="utf-8")
+        if path.suffix == ".html":
+            failed = [one for one in result["trials"] if is_failure(one)]
+            path.write_bytes(proof_page(result, results_lines(result["summary"]), failed))
+        else:
+            path.write_text(page(result), encoding="utf-8")
     except OSError as error:
         raise MachineError(f"{path}: can't write the page: {error.strerror or error}") from error
 
 
-def results_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Each figure with its interval and its bar."""
+def results_lines(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Each figure in words: what, reached (with its interval), bar, whether it holds."""
     lines = []
     for key, words, bar, less in _BARS:
         one = summary.get(key)
@@ -111,12 +122,12 @@ def results_lines(summary: Mapping[str, Any]) -> list[str]:
         share = one["hits"] / one["of"]
         holds = share <= bar if less else share >= bar
         figure = f"{one['hits']} of {one['of']} = {share:.3f} ({one['low']:.3f} to {one['high']:.3f})"
-        lines.append(f"| {words} | {figure} | {'at most' if less else 'at least'} {bar:g} | {_holds(holds)} |")
+        lines.append((words, figure, f"{'at most' if less else 'at least'} {bar:g}", _holds(holds)))
     for key, words, bar, less in _MEANS:
         value = summary[key]
         if value is not None:
             holds = value <= bar if less else value >= bar
-            lines.append(f"| {words} | {value:.3f} | {'at most' if less else 'at least'} {bar:g} | {_holds(holds)} |")
+            lines.append((words, f"{value:.3f}", f"{'at most' if less else 'at least'} {bar:g}", _holds(holds)))
     return lines
 
 
@@ -125,7 +136,8 @@ def _holds(holds: bool) -> str:
 
 
 def _results(summary: Mapping[str, Any]) -> str:
-    rows = ["| | reached | bar | holds |", "|---|---|---|---|", *results_lines(summary)]
+    rows = ["| | reached | bar | holds |", "|---|---|---|---|"]
+    rows += [f"| {' | '.join(line)} |" for line in results_lines(summary)]
     of_cars = [
         f"{car}: {one['singles']['hits']} of {one['singles']['of']} plain singles right, "
         f"{one['false_extras']['hits']} of {one['false_extras']['of']} answers with a name too many"
@@ -142,6 +154,17 @@ def _results(summary: Mapping[str, Any]) -> str:
     half, longest = summary["seconds_median"], summary["seconds_longest"]
     seconds = "" if half is None else f"Half of the diagnoses took less than {half:.0f} s, the longest {longest:.0f} s."
     return "\n".join([*rows, "", ". ".join(of_cars) + ".", *stated, "", seconds, ""])
+
+
+def _rivals(summary: Mapping[str, Any]) -> str:
+    """Others, on the same recordings."""
+    rows = ["| who | singles of any size: the effect first | false alarms | closable gap regained, median |"]
+    rows.append("|---|---|---|---|")
+    for one in summary["rivals"]:
+        first, alarms = (f"{part['hits']} of {part['of']}" for part in (one["first"], one["false_alarms"]))
+        regained = "-" if one["regained"] is None else f"{one['regained']:.2f}"
+        rows.append(f"| {one['name']} | {first} | {alarms} | {regained} |")
+    return "\n".join([*rows, ""])
 
 
 def is_failure(one: Mapping[str, Any]) -> bool:

@@ -14,6 +14,7 @@ from queue import Empty, Queue
 from typing import Any
 
 from dsz_daemon import __version__
+from dsz_daemon.edge.samples_file import write_columns
 from dsz_daemon.errors import ConfigError, Fault, InputError, MachineError
 from dsz_daemon.prove.mix import Trial, trials
 from dsz_daemon.prove.recordings import PACKED, made
@@ -110,8 +111,11 @@ def _recordings(folder: Path, drawn: Iterable[Trial]) -> dict[str, str]:
 
 def _sealed_trial(task: tuple[Trial, Path]) -> tuple[str, str]:
     trial, folder = task
-    truth = made(trial, _recording(folder, trial), folder / "sealed")
-    return f"{trial.number:05d}", sealed(truth, _truth(folder, trial))
+    truth, profiles = made(trial, _recording(folder, trial))
+    path = _truth(folder, trial)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_columns(profiles, path.with_suffix(".parquet"))
+    return f"{trial.number:05d}", sealed(truth, path)
 
 
 def _scored_trial(task: tuple[Trial, Path, dict[str, str]]) -> dict[str, Any]:
@@ -121,7 +125,7 @@ def _scored_trial(task: tuple[Trial, Path, dict[str, str]]) -> dict[str, Any]:
         one: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
         return one
     path = _truth(folder, trial)
-    one = scored(opened(path, published[f"{trial.number:05d}"]), _answer(folder, trial), path.with_suffix(".npz"))
+    one = scored(opened(path, published[f"{trial.number:05d}"]), _answer(folder, trial), path.with_suffix(".parquet"))
     kept.write_text(json.dumps(one), encoding="utf-8")
     return one
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from dsz_daemon.edge.log_writer import CandumpWriter
 from dsz_daemon.edge.scenario_files import CONFIG, RECORDING
@@ -29,19 +30,17 @@ PACKED = f"{RECORDING}.gz"
 _PROFILES = ("road_bank_rad", "road_grade_up_rad", "side_wind_n")
 
 
-def made(trial: Trial, recording: Path, sealed: Path) -> dict[str, Any]:
-    """Writes recording.log.gz, config.yaml and the DBCs into `recording`, profiles into `sealed`; returns the truth."""
+def made(trial: Trial, recording: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
+    """Writes recording.log.gz, config.yaml and the DBCs into `recording`; returns the truth, and profiles over time."""
     drive = _driven(trial)
     _write(drive, recording)
     truth = as_truth(trial)
     truth["effects"] = _with_rms(described(trial.effects), drive.truth)
-    at = np.arange(0.0, float(drive.truth["time_s"][-1]), _EVERY_S)
-    profiles = {
-        name: np.interp(at, drive.truth["time_s"], drive.truth[name]) for name in _PROFILES if name in drive.truth
-    }
-    sealed.mkdir(parents=True, exist_ok=True)
-    np.savez(sealed / f"{trial.number:05d}.npz", time_s=at, speed_mps=np.interp(at, *_speed(drive.truth)), **profiles)
-    return truth
+    time_s = drive.truth["time_s"]
+    at = np.arange(0.0, float(time_s[-1]), _EVERY_S)
+    kept = ("speed_mps", *_PROFILES)
+    profiles = {name: np.interp(at, time_s, drive.truth[name]) for name in kept if name in drive.truth}
+    return truth, {"time_s": at} | profiles
 
 
 def _driven(trial: Trial) -> SimulatedDrive:
@@ -91,10 +90,6 @@ def _write(drive: SimulatedDrive, folder: Path) -> None:
     # The same drive, the same bytes: no time in the header.
     (folder / PACKED).write_bytes(gzip.compress((folder / RECORDING).read_bytes(), 6, mtime=0))
     (folder / RECORDING).unlink()
-
-
-def _speed(columns: Columns) -> tuple[Any, Any]:
-    return columns["time_s"], columns["speed_mps"]
 
 
 def _with_rms(effects: list[dict[str, Any]], columns: Columns) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -11,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.edge.samples_file import read_samples
+from dsz_daemon.prove.rivals import rivals
 from dsz_daemon.prove.sizes import HOW
 
 # What no recording of these channels can split; the contract says so.
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 _DRIVING_MPS = 3.0
+_POINTS = 130
 _PROFILES = {"road_bank": ("road_bank_rad", "road_bank_rad"), "road_grade": ("road_grade_up_rad", "road_grade_up_rad")}
 
 
@@ -29,7 +32,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         return one | _silent(planted) | {"error": json.loads((answer / "error.json").read_text())["error"]}
     found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
     fitted = read_samples(answer / "fit.parquet")
-    causes = _causes(found)
+    causes, beside = _causes(found), rivals(fitted, found["fit"])
     there = set(planted) | set(truth["by_construction"]) | {row["effect"] for row in truth["mild"]}
     if set(truth["stiffness"]) != {1.0}:
         there.add("cornering_stiffness")
@@ -42,6 +45,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "named": named,
         "alarm": found["verdict"] != "consistent" or bool(set(named) - there),
         "shapes": [f"{shape['channel']} {shape['shape']}" for shape in found["unlisted"]],
+        "foremost": foremost[0] if foremost else "nothing",
         "first": bool(foremost and foremost[0] in planted),
         "first_or_alias": bool(groups and set(groups[0]) & set(planted)),
         "all_named": set(planted) <= set(named),
@@ -51,17 +55,21 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "probability": [_probability(name, causes) for name in planted],
         "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],
         "off": _off(causes, planted),
-        "profile_rad": _profile(named, fitted, np.load(profiles)),
+        "profile_rad": _profile(named, fitted, read_samples(profiles)),
         "overlap": _overlap(causes, planted),
         "regained": _regained(found["fit"]),
+        "boosted": beside.boosted,
+        "sparse": beside.sparse,
+        "picture": _picture(found["fit"], fitted),
         "error": None,
     }
 
 
 def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
-    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off")} | {"alarm": False}
+    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off")}
+    nothing |= {"alarm": False, "foremost": "nothing", "sparse": "nothing"}
     nothing |= dict.fromkeys(("first", "first_or_alias", "all_named", "all_or_alias", "unlisted_found"), False)
-    nothing |= dict.fromkeys(("profile_rad", "overlap", "regained"))
+    nothing |= dict.fromkeys(("profile_rad", "overlap", "regained", "boosted", "picture"))
     return nothing | {"verdict": None, "probability": [0.0] * len(planted)}
 
 
@@ -157,3 +165,29 @@ def _regained(fit: Mapping[str, Mapping[str, Any]]) -> float | None:
         before += max((channel["held_out"]["before"] / floor) ** 2 - 1.0, 0.0)
         after += max((channel["held_out"]["after"] / floor) ** 2 - 1.0, 0.0)
     return 1.0 - after / before if before > 1.0 else None
+
+
+def _picture(fit: Mapping[str, Mapping[str, Any]], fitted: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The channel with most to explain over its noise, in hundredths of its range, `_POINTS` in time."""
+    level = {
+        name: one["held_out"]["before"] / one["noise_floor"]
+        for name, one in fit.items()
+        if one["noise_floor"] and f"{name}_measured" in fitted
+    }
+    if not level:
+        return None
+    channel = max(level, key=lambda name: level[name])
+    courses = {name: fitted[f"{channel}_{name}"] for name in ("measured", "nominal", "fitted")}
+    edges = np.linspace(0, len(courses["measured"]), _POINTS + 1).astype(int)
+    thin = {
+        name: np.array([np.nanmean(course[a:b]) if np.isfinite(course[a:b]).any() else np.nan
+                        for a, b in itertools.pairwise(edges)])
+        for name, course in courses.items()
+    }  # fmt: skip
+    low = min(float(np.nanmin(course)) for course in thin.values())
+    high = max(float(np.nanmax(course)) for course in thin.values())
+    return {"channel": channel} | {
+        name: [None if math.isnan(value) else round(100.0 * (value - low) / max(high - low, 1e-12))
+               for value in course.tolist()]
+        for name, course in thin.items()
+    }  # fmt: skip

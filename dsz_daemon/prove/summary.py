@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -65,6 +66,15 @@ def summary(scores: Scores) -> dict[str, Any]:
         found[f"singles_{size:g}"] = share(one["first"] for one in mine)
         found[f"singles_or_alias_{size:g}"] = share(one["first_or_alias"] for one in mine)
         found[f"singles_wrong_{size:g}"] = share(bool(one["extra"]) and not one["first_or_alias"] for one in mine)
+    found["sizes"] = [
+        {"size": size, "car": car} | share(one["first"] for one in singles if (one["size"], one["car"]) == (size, car))
+        for size, car in sorted({(one["size"], one["car"]) for one in singles}, reverse=True)
+    ]
+    found["confusion"] = [
+        (planted, said, count)
+        for (planted, said), count in sorted(Counter((one["planted"][0], one["foremost"]) for one in singles).items())
+    ]
+    found["rivals"] = _rivals(scores, singles, nulls)
     found["by_car"] = {
         car: {
             "singles": share(one["first"] for one in singles if one["car"] == car and one["size"] == 1.0),
@@ -73,6 +83,27 @@ def summary(scores: Scores) -> dict[str, Any]:
         for car in sorted({one["car"] for one in scores})
     }
     return found
+
+
+def _rivals(scores: Scores, singles: Scores, nulls: Scores) -> list[dict[str, Any]]:
+    """Who else could have answered, on the same recordings."""
+    names = Counter(one["planted"][0] for one in singles)
+    common = max(names, key=lambda name: names[name], default="")
+    listed = [one for one in scores if one["planted"]]
+
+    def row(name: str, right: Iterable[bool], alarms: Iterable[bool], regained: float | None) -> dict[str, Any]:
+        return {"name": name, "first": share(right), "false_alarms": share(alarms), "regained": regained}
+
+    return [
+        row("dsz diagnose", (one["first"] for one in singles), (one["alarm"] for one in nulls),
+            _median(one["regained"] for one in listed)),
+        row("a refit of the configured parameters alone", (False for _ in singles), (False for _ in nulls), 0.0),
+        row("gradient boosting on what that leaves (fits, names nothing)",
+            (False for _ in singles), (False for _ in nulls), _median(one["boosted"] for one in listed)),
+        row("sparse regression on what that leaves (pysindy; its largest term, named by hand)",
+            (one["sparse"] in one["planted"] for one in singles), (one["sparse"] != "nothing" for one in nulls), None),
+        row(f"always {common}", (one["planted"] == [common] for one in singles), (True for _ in nulls), None),
+    ]  # fmt: skip
 
 
 def _mean(values: Iterable[float]) -> float | None:

@@ -147,13 +147,15 @@ def answered(folder: Path, causes: list[Any], planted: list[Any], **truth: Any) 
     (folder / "diagnosis.json").write_text(json.dumps(found))
     zeros = np.zeros(100)
     profile = np.linspace(0.0, 0.1, 100)
-    write_columns(
-        {"time_s": np.arange(100.0), "road_grade_up_rad": profile, "road_bank_rad": zeros}, folder / "fit.parquet"
-    )
-    np.savez(folder / "1.npz", time_s=np.arange(100.0), speed_mps=zeros + 10.0, road_grade_up_rad=2.0 * profile)
+    courses = {"time_s": np.arange(100.0), "road_grade_up_rad": profile, "road_bank_rad": zeros}
+    for channel in ("wheel_other_left", "gyro_z", "accel_x", "accel_y"):
+        courses |= {f"{channel}_{what}": 10.0 + zeros for what in ("measured", "nominal", "fitted")}
+    write_columns(courses, folder / "fit.parquet")
+    driven = {"time_s": np.arange(100.0), "speed_mps": zeros + 10.0, "road_grade_up_rad": 2.0 * profile}
+    write_columns(driven, folder / "1.parquet")
     whole = as_truth(trials(1, 10)[0]) | {"effects": planted, "group": "single", "unlisted": [], "mild": []}
     whole |= {"by_construction": [], "stiffness": (1.0, 1.0)} | truth
-    return scored(whole, folder, folder / "1.npz")
+    return scored(whole, folder, folder / "1.parquet")
 
 
 def test_the_planted_effect_first_is_right(tmp_path: Path) -> None:
