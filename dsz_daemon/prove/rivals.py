@@ -24,6 +24,8 @@ _LAGS_ROWS = (0, 8)
 _ROUNDS = 40
 # Of a term with variance 1, in the channel's noise: what is less is no term.
 _THRESHOLD = 0.3
+# Of a term's power: speed and its square go together on any drive.
+_RIDGE = 0.05
 # What a term of a channel is taken for; pysindy knows terms, an engineer names them.
 _NAMES = {
     "gyro_x": {"r": "gyro_cross_axis", "ay'": "suspension_roll"} | dict.fromkeys(("ax", "ay"), "gyro_g_sensitivity"),
@@ -123,7 +125,7 @@ def _sparse(
             continue
         table = courses[mine] - courses[mine].mean(axis=0)
         spread = np.maximum(table.std(axis=0), 1e-12)
-        optimizer = sindy.STLSQ(threshold=_THRESHOLD, alpha=1e-3)
+        optimizer = sindy.STLSQ(threshold=_THRESHOLD, alpha=_RIDGE * len(table))
         target = ((course[mine] - course[mine].mean()) / noise).reshape(-1, 1)
         with warnings.catch_warnings():
             # Where all that is left is noise, no term is an answer.

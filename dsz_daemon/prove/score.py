@@ -168,7 +168,10 @@ def _regained(fit: Mapping[str, Mapping[str, Any]]) -> float | None:
 
 
 def _picture(fit: Mapping[str, Mapping[str, Any]], fitted: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The channel with most to explain over its noise, in hundredths of its range, `_POINTS` in time."""
+    """What is left of the channel with most to explain over its noise, before and after, `_POINTS` in time.
+
+    Each point is the largest in its piece of the drive, in hundredths of the largest of all.
+    """
     level = {
         name: one["held_out"]["before"] / one["noise_floor"]
         for name, one in fit.items()
@@ -177,17 +180,16 @@ def _picture(fit: Mapping[str, Mapping[str, Any]], fitted: Mapping[str, Any]) ->
     if not level:
         return None
     channel = max(level, key=lambda name: level[name])
-    courses = {name: fitted[f"{channel}_{name}"] for name in ("measured", "nominal", "fitted")}
-    edges = np.linspace(0, len(courses["measured"]), _POINTS + 1).astype(int)
+    left = {
+        name: np.nan_to_num(fitted[f"{channel}_measured"] - fitted[f"{channel}_{simulated}"])
+        for name, simulated in (("before", "nominal"), ("after", "fitted"))
+    }
+    edges = np.linspace(0, len(left["before"]), _POINTS + 1).astype(int)
     thin = {
-        name: np.array([np.nanmean(course[a:b]) if np.isfinite(course[a:b]).any() else np.nan
-                        for a, b in itertools.pairwise(edges)])
-        for name, course in courses.items()
-    }  # fmt: skip
-    low = min(float(np.nanmin(course)) for course in thin.values())
-    high = max(float(np.nanmax(course)) for course in thin.values())
-    return {"channel": channel} | {
-        name: [None if math.isnan(value) else round(100.0 * (value - low) / max(high - low, 1e-12))
-               for value in course.tolist()]
-        for name, course in thin.items()
-    }  # fmt: skip
+        name: [
+            float(course[a:b][np.argmax(np.abs(course[a:b]))]) for a, b in itertools.pairwise(edges.tolist()) if b > a
+        ]
+        for name, course in left.items()
+    }
+    most = max(abs(value) for course in thin.values() for value in course) or 1.0
+    return {"channel": channel} | {name: [round(100.0 * v / most) for v in course] for name, course in thin.items()}

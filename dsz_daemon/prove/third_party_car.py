@@ -51,13 +51,14 @@ _WANDER_RAD, _WANDER_S = 0.012, 0.4
 
 
 class _Course(NamedTuple):
-    """What happens at each step: the model's states and their rates (n, 29), the front wheels' angle (n,), the road."""
+    """What happens at each step: the model's states and their rates (n, 29), front wheels' angle (n,), road, wind."""
 
     states: Array
     changes: Array
     steer_rad: Array
     bank_rad: Array
     grade_rad: Array
+    wind_n: Array
 
 
 def simulated(
@@ -156,7 +157,7 @@ def _driven(p: Any, world: World, hand_rad: Array, speed_mps: Array, way_m: Arra
         *(dry, wet, -wheels_rad, speed_mps, model.G * np.sin(grade), model.G * np.sin(bank), -wind_n, slippery),
         car.steering_compliance_rad_per_n,
     )
-    return _Course(states, changes, -steer, bank, grade)
+    return _Course(states, changes, -steer, bank, grade, wind_n)
 
 
 def _columns(course: _Course, world: World, time_s: Array, hand_rad: Array, p: Any) -> Columns:
@@ -185,6 +186,7 @@ def _columns(course: _Course, world: World, time_s: Array, hand_rad: Array, p: A
         "lateral_velocity_mps": across.copy(),
         "road_bank_rad": course.bank_rad,
         "road_grade_up_rad": course.grade_rad,
+        "side_wind_n": course.wind_n,
         "roll_rad": states[:, model.ROLL].copy(),
         "pitch_rad": -states[:, model.PITCH],
     }

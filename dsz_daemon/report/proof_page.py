@@ -11,15 +11,15 @@ from xml.etree.ElementTree import Element
 
 from dsz_daemon.report.markup import element
 from dsz_daemon.report.offline_page import Picture, no_script, page_bytes, plotly, section
-from dsz_daemon.report.panels import BLUE, ORANGE, PALE, RAW, VERMILION, Figure, bare_axis, legend_at, plain_layout
+from dsz_daemon.report.panels import BLUE, ORANGE, PALE, VERMILION, Figure, bare_axis, legend_at, plain_layout
 
 Trials = Sequence[Mapping[str, Any]]
 
 _HEIGHT_PX, _SPARK_PX = 300, (260, 40)
 _NOTHING, _NAMELESS = "nothing", "(no name)"
 _SPARKS = (
-    "The channel in which most was to be explained, over the drive: measured (grey), the nominal simulation (red), the "
-    "simulation with what was named (blue). A name too many is in bold."
+    "What is left over the drive of the channel in which most was to be explained: by the nominal simulation, refitted "
+    "(red), and with what was named in it (blue), to one scale. A name too many is in bold."
 )
 
 
@@ -106,16 +106,14 @@ def planted(one: Mapping[str, Any]) -> str:
 
 
 def _spark(picture: Mapping[str, Any]) -> Element:
-    """`picture`: channel, and measured, nominal, fitted (n,) in hundredths of their common range."""
+    """`picture`: channel, and what is left before and after (n,) in hundredths of the largest of both."""
     width, height = _SPARK_PX
     lines = []
-    for name, colour in (("measured", RAW), ("nominal", VERMILION), ("fitted", BLUE)):
+    for name, colour in (("before", VERMILION), ("after", BLUE)):
         values = picture[name]
         step = (width - 2.0) / max(len(values) - 1, 1)
         points = " ".join(
-            f"{1.0 + k * step:.0f},{height - 2.0 - (height - 4.0) * value / 100.0:.1f}"
-            for k, value in enumerate(values)
-            if value is not None
+            f"{1.0 + k * step:.0f},{0.5 * height * (1.0 - 0.9 * value / 100.0):.1f}" for k, value in enumerate(values)
         )
         lines.append(element("polyline", points=points, style=f"stroke:{colour}"))
     size = {"width": str(width), "height": str(height), "viewBox": f"0 0 {width} {height}", "role": "img"}
@@ -189,4 +187,6 @@ def confusion(rows: Sequence[tuple[str, str, int]]) -> Figure | None:
         "xaxis": bare_axis() | {"tickangle": -40, "automargin": True},
         "yaxis": bare_axis() | {"automargin": True},
     }
-    return {"data": [heat], "layout": layout}
+    # Names stand aslant below.
+    layout["margin"] = layout["margin"] | {"b": 110}
+    return {"data": [heat], "layout": layout | {"height": layout["height"] + 110}}

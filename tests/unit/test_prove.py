@@ -37,6 +37,9 @@ def test_the_mix_is_drawn_by_the_seed_and_in_no_order() -> None:
     assert all(abs(first[group] - count / 2) < 3.0 * count**0.5 for group, count in groups.items())
     assert {trial.size for trial in drawn if trial.group == "single"} == {1.0, 0.3, 0.1}
     assert {trial.car for trial in drawn if trial.group == "single"} == {"own", "third_party"}
+    # Every own car that has something has several others mildly; of a third party's nothing is mild.
+    assert {len(trial.mild) for trial in drawn if trial.car == "own" and trial.group == "single"} == {4}
+    assert {trial.mild for trial in drawn if trial.car == "third_party"} == {()}
     # What is drawn can be simulated.
     assert not [fault for trial in drawn for fault in faults([*trial.effects, *trial.mild])]
 
@@ -186,6 +189,13 @@ def test_an_alias_is_not_wrong_and_not_right(tmp_path: Path) -> None:
     assert one["probability"] == [0.3]
     one = answered(tmp_path, [cause("imu_delay", (), (("sensor_bandwidth", 0.2),))], planted)
     assert one["probability"] == [0.8]
+
+
+def test_another_effects_alias_group_does_not_help(tmp_path: Path) -> None:
+    planted = [{"effect": "imu_delay", "parameters": {}}]
+    one = answered(tmp_path, [cause("gyro_scale", ("accel_scale",))], planted)
+    assert (one["first_or_alias"], one["all_or_alias"], one["extra"]) == (False, False, ["gyro_scale"])
+    assert one["probability"] == [0.0]
 
 
 def test_a_null_alarms_by_a_name_or_by_its_verdict_and_not_by_a_stiffness_that_is_off(tmp_path: Path) -> None:

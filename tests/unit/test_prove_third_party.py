@@ -13,7 +13,7 @@ pytest.importorskip("vehiclemodels", reason="commonroad-vehicle-models is not in
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 
 from dsz_daemon.prove import third_party_model as model
-from dsz_daemon.prove.third_party_car import _Course, _felt, simulated
+from dsz_daemon.prove.third_party_car import _Course, _felt, _played, simulated
 from dsz_daemon.prove.ways import Way
 from dsz_daemon.sim.effects import Choice
 from dsz_daemon.sim.journey import Leg
@@ -60,6 +60,19 @@ def test_wind_and_bank_push_it_the_same_way() -> None:
     assert level(0.1, 0.0, 15.0, bank=bank)[-1][model.ACROSS] > 5e-3
 
 
+def test_uphill_the_driver_pushes_and_the_driven_wheels_slip() -> None:
+    n = 4000
+    one, numbers = np.ones(n), model.as_numbers(model.bmw_320i())
+    states, _, _ = model.courses(numbers, numbers, 0 * one, 15.0 * one, 0.5 * one, 0 * one, 0 * one, one < 0, 0.0)
+    assert states[-1, model.ALONG] == pytest.approx(15.0, abs=0.05)
+    # Rear-driven: the rear wheels run ahead, by the force over load and slip stiffness.
+    p = model.bmw_320i()
+    front, rear = (states[-1, model.WHEELS[i]] * p.R_w / states[-1, model.ALONG] - 1.0 for i in (0, 2))
+    load = p.m * model.G * p.a / (p.a + p.b)
+    assert rear == pytest.approx(0.5 * p.m / (load * p.tire.p_kx1), rel=0.1)
+    assert abs(front) < 3e-4
+
+
 def test_softer_wheels_turn_back() -> None:
     n = 3000
     one, numbers = np.ones(n), model.as_numbers(model.bmw_320i())
@@ -81,7 +94,7 @@ def course(**state: float) -> _Course:
     for name, value in state.items():
         states[:, getattr(model, name)] = value
     nothing = np.zeros(5)
-    return _Course(states, np.zeros_like(states), nothing, nothing, nothing)
+    return _Course(states, np.zeros_like(states), nothing, nothing, nothing, nothing)
 
 
 def felt(one: _Course, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -145,3 +158,52 @@ def test_effects_are_put_into_it() -> None:
     assert pulled == pytest.approx(-(plain["gyro_z_radps"] ** 2 + plain["gyro_y_radps"] ** 2), abs=1e-6)
     small = simulated(BEND, 3, 20.0, (Choice("wheel_radius", {"fl": 1.01}),), replace(QUIET)).truth
     assert small["wheel_speed_fl_mps"] * 1.01 == pytest.approx(plain["wheel_speed_fl_mps"])
+
+
+def test_over_a_road_that_curves_up_all_is_heavier_and_the_nose_rises() -> None:
+    still = course(ALONG=10.0)
+    climbing = still._replace(grade_rad=0.1 * model.STEP_S * np.arange(5.0))
+    rates, force = felt(climbing)
+    # Nose down is positive.
+    assert rates == pytest.approx([0.0, -0.1, 0.0])
+    assert force[2] == pytest.approx(model.G + 0.1 * 10.0, abs=1e-4)
+
+
+def test_more_ratio_turns_less_and_wind_from_the_right_pushes_to_the_left() -> None:
+    plain = simulated(BEND, 3, 20.0, (), QUIET).truth
+    slower = simulated(BEND, 3, 20.0, (Choice("steering_ratio", {"scale": 1.25}),), QUIET).truth
+    bend = (plain["time_s"] > 15.0) & (plain["time_s"] < 18.0)
+    turns = [float(np.mean(found["gyro_z_radps"][bend])) for found in (plain, slower)]
+    assert turns[1] == pytest.approx(turns[0] / 1.25, rel=0.03)
+    gusts = (Choice("side_wind", {"rms_n": 600.0, "correlation_s": 2.0}),)
+    windy = simulated(BEND, 3, 20.0, gusts, QUIET).truth
+    # Tyres hold against it by slipping to the lee.
+    slipped = windy["lateral_velocity_mps"] - plain["lateral_velocity_mps"]
+    assert np.corrcoef(slipped, windy["side_wind_n"])[0, 1] > 0.5
+
+
+def test_play_keeps_back_half_of_its_width() -> None:
+    wave = np.concatenate([np.linspace(0.0, 0.1, 100), np.linspace(0.1, -0.1, 200)])
+    found = _played(wave, 0.02)
+    assert found[99] == pytest.approx(0.09)
+    assert found[-1] == pytest.approx(-0.09)
+    # On the way back it waits until the play is crossed.
+    assert found[100:110] == pytest.approx(0.09)
+
+
+def test_a_road_that_tilts_turns_the_body_with_it() -> None:
+    still = course(ALONG=10.0)
+    rates, _ = felt(still._replace(bank_rad=0.1 * model.STEP_S * np.arange(5.0)))
+    assert rates == pytest.approx([0.1, 0.0, 0.0])
+    # In a turn on a grade the heading moves off the slope: what was ahead is beside then.
+    rates, _ = felt(still._replace(grade_rad=np.full(5, 0.05)), turn=0.2)
+    assert rates[0] == pytest.approx(0.2 * 0.05)
+    rates, _ = felt(still._replace(bank_rad=np.full(5, 0.05)), turn=0.2)
+    assert rates[1] == pytest.approx(0.2 * 0.05)
+
+
+def test_a_nose_that_rises_turns_the_pitch_gyro_back() -> None:
+    rates, _ = felt(course(PITCH_RATE=0.1, ROLL=0.2))
+    assert rates == pytest.approx([0.0, -0.1 * math.cos(0.2), 0.1 * math.sin(0.2)])
+    rates, _ = felt(course(ROLL_RATE=0.1))
+    assert rates == pytest.approx([0.1, 0.0, 0.0])
