@@ -64,8 +64,9 @@ _LEAST_MOVED = (math.inf, math.inf, 0.001, 0.03, 0.03, math.inf)
 # Rms of what a road hardly tilts by within seconds: an accelerometer that moves by less, for all its unit makes of it,
 # may show the road. Where no gyro tells the tilt, a car that gives way to hills looks turned round on gentler ones.
 _STEEP_RAD, _HILLY_RAD = 0.04, 0.02
-# What a fault has to explain of a channel's power: of what the tilt leaves, and of all.
-_LEAST_SHARE, _LEAST_OF_ALL = 0.4, 0.1
+# What a fault has to explain of a channel's power: of what the tilt leaves (less where a sensor is only turned round:
+# a phone shakes, and what it shows is moved the wrong way by as much as it should), and of all.
+_LEAST_SHARE, _LEAST_TURNED, _LEAST_OF_ALL = 0.4, 0.3, 0.1
 
 
 class AxisFault(NamedTuple):
@@ -285,7 +286,8 @@ class _View:
         as_mapped = factor == 1.0 and followed == self._channel
         # At a bound it is something else that moves the channel.
         inside = 1.001 * _SLOPE_LOW < slope / factor < 0.999 * _SLOPE_HIGH
-        least = 0.0 if as_mapped else max(_LEAST_SHARE * beyond, _LEAST_OF_ALL * moved)
+        share = _LEAST_TURNED if followed == self._channel and not way.unit else _LEAST_SHARE
+        least = 0.0 if as_mapped else max(share * beyond, _LEAST_OF_ALL * moved)
         if beyond - unknown <= least or not inside:
             return _NO_FIT
         words = (
