@@ -30,9 +30,20 @@ WHEELS = (23, 24, 25, 26)
 _SIDEWAYS = (10, 15, 20)
 
 
-def _package(name: str) -> ModuleType:
+@cache
+def _package() -> dict[str, ModuleType]:
+    """What this takes of others, by short names. MachineError where it is not installed."""
     try:
-        return importlib.import_module(name)
+        return {
+            "numba": importlib.import_module("numba"),
+            "car": importlib.import_module("vehiclemodels.parameters_vehicle2"),
+            "start": importlib.import_module("vehiclemodels.init_mb"),
+            "whole": importlib.import_module("vehiclemodels.vehicle_dynamics_mb"),
+            "slow": importlib.import_module("vehiclemodels.utils.vehicle_dynamics_ks_cog"),
+            "tires": importlib.import_module("vehiclemodels.utils.tire_model"),
+            "steering": importlib.import_module("vehiclemodels.utils.steering_constraints"),
+            "acceleration": importlib.import_module("vehiclemodels.utils.acceleration_constraints"),
+        }
     except ImportError:
         what = "the third party's car needs commonroad-vehicle-models and numba"
         raise MachineError(f"{what}: pip install dsz-daemon[prove]") from None
@@ -65,36 +76,36 @@ def as_numbers(parameters: Any, friction: float | None = None) -> Any:
 
 def bmw_320i() -> Any:
     """The package's vehicle 2."""
-    return _package("vehiclemodels.parameters_vehicle2").parameters_vehicle2()
+    return _package()["car"].parameters_vehicle2()
 
 
 @cache
 def _model() -> Any:
     """The package's right-hand side, compiled: f(state, (steering rate, acceleration), numbers)."""
-    numba = _package("numba")
+    package = _package()
+    numba, tires = package["numba"], package["tires"]
 
     def compiled(function: Any, **beside: Any) -> Any:
         known = {**function.__globals__, **beside}
         return numba.njit(nogil=True)(FunctionType(function.__code__, known, function.__name__))
 
-    tires, bounds = _package("vehiclemodels.utils.tire_model"), "vehiclemodels.utils"
     sign = compiled(tires.sign)
     tire = ModuleType("tire")
     for name in ("longitudinal", "lateral", "longitudinal_comb", "lateral_comb"):
         setattr(tire, f"formula_{name}", compiled(getattr(tires, f"formula_{name}"), sign=sign))
     limits = {
-        name: compiled(getattr(_package(f"{bounds}.{name}"), name))
-        for name in ("steering_constraints", "acceleration_constraints")
+        "steering_constraints": compiled(package["steering"].steering_constraints),
+        "acceleration_constraints": compiled(package["acceleration"].acceleration_constraints),
     }
-    slow = compiled(_package(f"{bounds}.vehicle_dynamics_ks_cog").vehicle_dynamics_ks_cog, **limits)
-    whole = _package("vehiclemodels.vehicle_dynamics_mb").vehicle_dynamics_mb
+    slow = compiled(package["slow"].vehicle_dynamics_ks_cog, **limits)
+    whole = package["whole"].vehicle_dynamics_mb
     return compiled(whole, tireModel=tire, vehicle_dynamics_ks_cog=slow, **limits)
 
 
 @cache
 def _loop() -> Any:
     """One drive, compiled."""
-    numba, model, sideways = _package("numba"), _model(), _SIDEWAYS
+    numba, model, sideways = _package()["numba"], _model(), _SIDEWAYS
 
     def rates(state: Array, steer: float, wanted: float, numbers: Any, uphill: float, right: float) -> Array:
         state = state.copy()
@@ -151,7 +162,7 @@ def courses(
     `uphill_mps2`, `right_mps2` (n,): gravity against the car and to its right; `wind_n` (n,) to the right;
     `soft_rad_per_n`: how far the front axle's lateral force turns its wheels back.
     """
-    init = _package("vehiclemodels.init_mb").init_mb
+    init = _package()["start"].init_mb
     start = np.array(init([0.0, 0.0, float(hand_rad[0]), float(speed_mps[0]), 0.0, 0.0, 0.0], bmw_320i()))
     start[list(WHEELS)] = speed_mps[0] / dry.R_w
     accel = np.gradient(speed_mps, STEP_S)
