@@ -6,23 +6,28 @@ import math
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS
+from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
 _BEYOND, _NEARLY_ALL = 1.1, 0.999
+# An offset that drifts does so in each third of the way, by this share of what it does in all of it.
+_PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 
 
-def is_implausible(drive: Drive, fit: Fit, effect: str) -> bool:
+def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
     if effect == "sensor_saturation" and _reads_beyond(drive, fit):
         return True
     if effect == "side_wind" and _lulls(drive, fit):
+        return True
+    if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
     for i in drive.vocabulary.columns_of(effect):
         parameter = drive.vocabulary.columns[i][1]
@@ -43,6 +48,22 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
         return False
     blocks = np.sqrt(np.sum(np.where(moving, squares, 0.0), axis=1)[driven] / np.count_nonzero(moving, axis=1)[driven])
     return float(np.quantile(blocks, _MUCH)) < _HARDLY * float(np.sqrt(np.mean(blocks**2)))
+
+
+def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
+    """Whether no offset that moves does so all the way: a sensor's flicker has gone one way by the end, too."""
+    least = {parameter.name: parameter.least for parameter in drive.vocabulary.described("bias_drift").parameters}
+    for c, channel in enumerate(IMU_CHANNELS):
+        slope = float(fit.x[INDEX[f"bias_drift.{channel}"]])
+        used = rows.used[:, c]
+        if abs(slope) < least[channel] or np.count_nonzero(used) < _LEAST_ROWS:
+            continue
+        time_s, left = rows.at[used] * DT_S, fit.left[used, c]
+        pieces = np.array_split(np.arange(len(left)), _PIECES)
+        # What is left beside the drift, and the drift.
+        if min(1.0 + np.polyfit(time_s[one], left[one], 1)[0] / slope for one in pieces) > _STEADY:
+            return False
+    return True
 
 
 def _reads_beyond(drive: Drive, fit: Fit) -> bool:

@@ -131,7 +131,7 @@ def searched(
         rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains, each)
         # Beside others an effect may want to be what it can't be: then it was something else.
-        wrong = {effect for effect in best.effects if is_implausible(drive, best, effect)}
+        wrong = {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
         if wrong:
             refused |= wrong
             best = _without(drive, rows, best, tolerance, wrong, each)
@@ -175,7 +175,7 @@ class _Trial:
                 before, fit = fit.x, self._fitted(moved, effects)
                 if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
                     break
-        if is_implausible(self.drive, fit, effect):
+        if is_implausible(self.drive, self.rows, fit, effect):
             return Step(effect, -math.inf, fit)
         return Step(effect, gained(self.drive, self.best, fit), fit)
 

@@ -415,9 +415,9 @@ def test_no_limit_is_below_what_is_read() -> None:
     x = nothing()
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = furthest = float(np.max(np.abs(one.measured[:, 3:5])))
     fit: Any = SimpleNamespace(x=x)
-    assert not is_implausible(one, fit, "sensor_saturation")
+    assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.5 * furthest
-    assert is_implausible(one, fit, "sensor_saturation")
+    assert is_implausible(one, rows_of(one), fit, "sensor_saturation")
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.0
     x[INDEX["sensor_saturation.gyro_limit_radps"]] = 0.5 * float(np.max(np.abs(one.measured[:, 2])))
-    assert is_implausible(one, fit, "sensor_saturation")
+    assert is_implausible(one, rows_of(one), fit, "sensor_saturation")

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.search import _feels, _screened, _without_trifles, gained
 
 
@@ -25,12 +25,12 @@ def wind(of: Any, force_n: np.ndarray) -> Any:
 def test_wind_blows_all_the_way() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     gusts = 300.0 * np.sin(2.0 * np.pi * T / 7.0)
-    assert not is_implausible(one, wind(one, gusts), "side_wind")
+    assert not is_implausible(one, rows_of(one), wind(one, gusts), "side_wind")
     # For a third of the way something pushes, and for the rest nothing does.
-    assert is_implausible(one, wind(one, np.where(T < 20.0, gusts, 0.02 * gusts)), "side_wind")
+    assert is_implausible(one, rows_of(one), wind(one, np.where(T < 20.0, gusts, 0.02 * gusts)), "side_wind")
     # Where a car stands no wind is felt.
     standing = drive({}, np.where(T < 30.0, CITY_V, 0.0), CITY_STEER)
-    assert not is_implausible(standing, wind(standing, np.where(T < 30.0, 300.0, 0.0)), "side_wind")
+    assert not is_implausible(standing, rows_of(standing), wind(standing, np.where(T < 30.0, 300.0, 0.0)), "side_wind")
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])
@@ -103,3 +103,21 @@ def test_an_inverse_of_what_is_hardly_told_apart_has_no_negative_variance() -> N
     # Neither of the two is told, their sum is.
     assert found[0, 0] > 1e6 / 200.0
     assert np.array([1, 0, 0, 0, 1]) @ found @ np.array([1, 0, 0, 0, 1]) < 0.1
+
+
+def test_an_offset_that_drifts_does_so_all_the_way() -> None:
+    """A third of the way up and back is what flicker does; it leaves a slope, too."""
+
+    def moved(course: np.ndarray) -> bool:
+        def change(one: Drive) -> None:
+            one.measured[:, 5] += course
+
+        one = drive({}, CITY_V, CITY_STEER, change=change)
+        rows = rows_of(one)
+        return is_implausible(one, rows, fitted(one, rows, nothing(), ("bias_drift",), TOLERANCE), "bias_drift")
+
+    assert not moved(1e-3 * T)
+    # As a body that warms up.
+    assert not moved(0.1 * (1.0 - np.exp(-T / 60.0)))
+    assert moved(0.03 * np.clip((T - 20.0) / 20.0, 0.0, 1.0))
+    assert moved(np.where(T < 40.0, 1e-3 * T, 0.04))
