@@ -263,4 +263,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats
     whole = one + prior
     more = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
     share = np.sqrt(np.maximum(more, 0.0) / np.maximum(np.diag(whole), 1e-300))
-    return np.asarray(whole * share * share[:, np.newaxis], dtype=np.float64)
+    covariance = whole * share * share[:, np.newaxis]
+    # Of what is hardly told rounding may leave anything.
+    np.fill_diagonal(covariance, np.maximum(more, 0.0))
+    return np.asarray(covariance, dtype=np.float64)
