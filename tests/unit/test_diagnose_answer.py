@@ -211,3 +211,14 @@ def test_where_a_channel_is_not_explained_spreads_are_larger() -> None:
     assert level.doubt(levels, []) == 1.0
     assert level.doubt(levels, ["gyro_z"]) == pytest.approx(2.0)
     assert level.doubt(levels, ["gyro_z", "accel_y"]) == pytest.approx(3.0)
+
+
+def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(front_gives_speed=False), rows=None, best=SimpleNamespace(left=np.zeros((5, 13)))
+    )
+    levels = {"accel_x": 2.9, "accel_y": 4.0, "accel_z": 6.1, "wheel_speed_fl": 4.0}
+    monkeypatch.setattr(level, "is_its_own", lambda *_: True)
+    assert level.unexplained_of(search, levels) == ["accel_z", "wheel_speed_fl"]
+    monkeypatch.setattr(level, "is_its_own", lambda *_: False)
+    assert level.unexplained_of(search, levels) == ["accel_y", "accel_z", "wheel_speed_fl"]

@@ -31,6 +31,10 @@ def test_wind_blows_all_the_way() -> None:
     # Where a car stands no wind is felt.
     standing = drive({}, np.where(T < 30.0, CITY_V, 0.0), CITY_STEER)
     assert not is_implausible(standing, rows_of(standing), wind(standing, np.where(T < 30.0, 300.0, 0.0)), "side_wind")
+    # Nor does it count there: in the last block of driving the car stands for a while.
+    stops = drive({}, np.where((T % 5.0) < 3.0, CITY_V, 0.0), CITY_STEER)
+    lulls = np.where(T < 40.0, np.where((T % 5.0) < 3.0, 10.0, 1000.0), np.where((T % 5.0) < 3.0, 300.0, 0.0))
+    assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])
