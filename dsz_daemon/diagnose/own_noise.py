@@ -9,7 +9,7 @@ from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 
 # What is so many times more where a car is driven hard than where it is not has to do with how it is driven.
-_LIVELIER, _STEADIER = 1.6, 1.6
+_LIVELIER, _STEADIER = 1.6, 3.0
 _LEAST_BLOCKS = 8
 
 

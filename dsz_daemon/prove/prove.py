@@ -56,7 +56,8 @@ def prove(
     if _recordings(folder, drawn) != published["recordings"]:
         raise InputError(f"{folder}: a recording is not the one that was sealed")
     found = list(_each(_scored_trial, [(trial, folder, published["truths"]) for trial in drawn], jobs, tell))
-    result = {"protocol": protocol, "summary": summary(found), "trials": sorted(found, key=lambda one: one["number"])}
+    found.sort(key=lambda one: one["number"])
+    result = {"protocol": protocol, "summary": summary(found), "trials": found}
     (folder / SCORES).write_text(json.dumps(result, indent=1), encoding="utf-8")
     return result
 
