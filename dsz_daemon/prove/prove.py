@@ -18,15 +18,18 @@ from dsz_daemon.edge.samples_file import write_columns
 from dsz_daemon.errors import ConfigError, Fault, InputError, MachineError
 from dsz_daemon.prove.mix import Trial, trials
 from dsz_daemon.prove.recordings import PACKED, made
-from dsz_daemon.prove.score import scored
-from dsz_daemon.prove.seal import hash_of, hash_of_judge, opened, sealed
+from dsz_daemon.prove.rivals import boosting_and_regression
+from dsz_daemon.prove.score import SECONDS, scored
+from dsz_daemon.prove.seal import hash_of, hash_of_judge, hash_of_sources, hash_of_text, opened, sealed
 from dsz_daemon.prove.summary import summary
+from dsz_daemon.prove.third_party_model import packages
 
 Progress = Callable[[int, int], None]
 
 SEALS, SCORES = "seal.json", "scores.json"
 _MADE_BY = ("sim/*.py", "prove/mix.py", "prove/sizes.py", "prove/ways.py", "prove/unlisted.py", "prove/recordings.py",
             "prove/own_car.py", "prove/third_party_*.py")  # fmt: skip
+_SCORED_BY = ("prove/score.py", "prove/rivals.py")
 
 
 def prove(
@@ -34,14 +37,19 @@ def prove(
 ) -> dict[str, Any]:
     """The scores of `count` sealed trials; what `folder` holds of them already is not done again.
 
-    ConfigError: the folder holds another proof. InputError: a seal or a recording is not what was published.
+    ConfigError: a negative seed, or the folder holds another proof. InputError: a seal or a recording is not what was
+    published. MachineError: what it takes is not installed, or can't be written.
     """
+    if seed < 0:
+        raise ConfigError("can't prove", [Fault("--seed", f"{seed} is negative; expected 0 or more")])
+    packages()
+    boosting_and_regression()
     drawn = trials(seed, count)
     protocol = {
         "seed": seed,
         "trials": count,
         "version": __version__,
-        "made_by": hash_of(path for pattern in _MADE_BY for path in Path(__file__).parents[1].glob(pattern)),
+        "made_by": hash_of_sources(_MADE_BY),
         "judge": hash_of_judge(),
     }
     _claim(folder, protocol)
@@ -55,7 +63,8 @@ def prove(
     _ask(folder, drawn, jobs, tell)
     if _recordings(folder, drawn) != published["recordings"]:
         raise InputError(f"{folder}: a recording is not the one that was sealed")
-    found = list(_each(_scored_trial, [(trial, folder, published["truths"]) for trial in drawn], jobs, tell))
+    by = hash_of_sources(_SCORED_BY)
+    found = list(_each(_scored_trial, [(trial, folder, published["truths"], by) for trial in drawn], jobs, tell))
     found.sort(key=lambda one: one["number"])
     result = {"protocol": protocol, "summary": summary(found), "trials": found}
     (folder / SCORES).write_text(json.dumps(result, indent=1), encoding="utf-8")
@@ -112,21 +121,27 @@ def _recordings(folder: Path, drawn: Iterable[Trial]) -> dict[str, str]:
 
 def _sealed_trial(task: tuple[Trial, Path]) -> tuple[str, str]:
     trial, folder = task
-    truth, profiles = made(trial, _recording(folder, trial))
     path = _truth(folder, trial)
+    if path.exists():
+        return f"{trial.number:05d}", hash_of_text(path)
+    truth, profiles = made(trial, _recording(folder, trial))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_columns(profiles, path.with_suffix(".parquet"))
-    return f"{trial.number:05d}", sealed(truth, path)
+    return f"{trial.number:05d}", sealed(truth | {"profiles": hash_of([path.with_suffix(".parquet")])}, path)
 
 
-def _scored_trial(task: tuple[Trial, Path, dict[str, str]]) -> dict[str, Any]:
-    trial, folder, published = task
-    kept = _answer(folder, trial) / "score.json"
+def _scored_trial(task: tuple[Trial, Path, dict[str, str], str]) -> dict[str, Any]:
+    trial, folder, published, by = task
+    path = _truth(folder, trial)
+    truth, profiles = opened(path, published[f"{trial.number:05d}"]), path.with_suffix(".parquet")
+    if hash_of([profiles]) != truth["profiles"]:
+        raise InputError(f"{profiles}: not what was sealed")
+    # As this version scores.
+    kept = _answer(folder, trial) / f"score-{by[:12]}.json"
     if kept.exists():
         one: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
         return one
-    path = _truth(folder, trial)
-    one = scored(opened(path, published[f"{trial.number:05d}"]), _answer(folder, trial), path.with_suffix(".parquet"))
+    one = scored(truth, _answer(folder, trial), profiles)
     kept.write_text(json.dumps(one), encoding="utf-8")
     return one
 
@@ -148,8 +163,8 @@ def _ask(folder: Path, drawn: Sequence[Trial], jobs: int | None, tell: _Teller) 
     """Processes that are given folders of recordings, and folders for their answers, and nothing else."""
     waiting: Queue[Trial] = Queue()
     for trial in drawn:
-        there = _answer(folder, trial)
-        if (there / "diagnosis.json").exists() or (there / "error.json").exists():
+        # Written last.
+        if (_answer(folder, trial) / SECONDS).exists():
             tell.one()
         else:
             waiting.put(trial)
@@ -179,7 +194,7 @@ def _served(folder: Path, waiting: Queue[Trial], tell: _Teller) -> None:
             said = worker.stdout.readline()
             if not said:
                 raise MachineError(f"the process that answers ended at {_recording(folder, trial) / PACKED}")
-            (_answer(folder, trial) / "seconds.txt").write_text(said.rpartition("\t")[2].strip(), encoding="utf-8")
+            (_answer(folder, trial) / SECONDS).write_text(said.rpartition("\t")[2].strip(), encoding="utf-8")
             tell.one()
         if worker.stdin is not None:
             worker.stdin.close()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import warnings
 from collections.abc import Mapping
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,11 +52,7 @@ def rivals(fitted: Mapping[str, Any], fit: Mapping[str, Mapping[str, Any]]) -> R
 
     MachineError: the extra is not installed.
     """
-    try:
-        ensemble = importlib.import_module("sklearn.ensemble")
-        sindy = importlib.import_module("pysindy")
-    except ImportError:
-        raise MachineError("the rivals need scikit-learn and pysindy: pip install dsz-daemon[prove]") from None
+    ensemble, sindy = boosting_and_regression()
     terms = _terms(fitted)
     left = {
         channel: (fitted[f"{channel}_measured"] - fitted[f"{channel}_nominal"])[::_EVERY]
@@ -65,6 +62,14 @@ def rivals(fitted: Mapping[str, Any], fit: Mapping[str, Mapping[str, Any]]) -> R
     moving = terms["v"] > 3.0
     used = {channel: moving & np.isfinite(course) for channel, course in left.items()}
     return Rivals(_boosted(ensemble, terms, left, used, fit), _sparse(sindy, terms, left, used, fit))
+
+
+def boosting_and_regression() -> tuple[ModuleType, ModuleType]:
+    """scikit-learn's ensembles and pysindy. MachineError where they are not installed."""
+    try:
+        return importlib.import_module("sklearn.ensemble"), importlib.import_module("pysindy")
+    except ImportError:
+        raise MachineError("the rivals need scikit-learn and pysindy: pip install dsz-daemon[prove]") from None
 
 
 def _terms(fitted: Mapping[str, Any]) -> dict[str, Array]:

@@ -17,6 +17,8 @@ from dsz_daemon.prove.sizes import HOW
 
 # What no recording of these channels can split; the contract says so.
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
+# How long the answer took, beside it.
+SECONDS = "seconds.txt"
 _DRIVING_MPS = 3.0
 _POINTS = 130
 _PROFILES = {"road_bank": ("road_bank_rad", "road_bank_rad"), "road_grade": ("road_grade_up_rad", "road_grade_up_rad")}
@@ -74,7 +76,7 @@ def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _seconds(answer: Path) -> float | None:
-    path = answer / "seconds.txt"
+    path = answer / SECONDS
     return float(path.read_text()) if path.exists() else None
 
 
@@ -99,14 +101,17 @@ def _causes(found: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _probability(name: str, causes: Sequence[Mapping[str, Any]]) -> float:
-    """What is given to one effect: its cause's, or what it has as another's alternative."""
+    """What is given to one effect: of what is stated for its group, its own part, or what it has as an alternative."""
     best = 0.0
     for cause in causes:
         others = {other["effect"]: float(other["probability"]) for other in cause["alternatives"]}
+        outside = sum(odds for other, odds in others.items() if other not in cause["group"])
+        # How sure it is that there is anything at all.
+        sure = cause["probability"] / max(1.0 - outside, 1e-12)
         if cause["effect"] == name:
-            best = max(best, 1.0 - sum(others.values()))
+            best = max(best, sure * (1.0 - sum(others.values())))
         elif name in others:
-            best = max(best, others[name])
+            best = max(best, sure * others[name])
         elif name in cause["group"]:
             # Declared to be the same, without a figure: shared out evenly.
             best = max(best, cause["probability"] / len(cause["group"]))

@@ -21,19 +21,26 @@ def sealed(truth: Mapping[str, Any], path: Path) -> str:
     salt = secrets.token_hex(16)
     text = json.dumps({"salt": salt, "truth": truth}, sort_keys=True)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return hashlib.sha256(text.encode()).hexdigest()
+    # Whole or not at all: what is there when all begins anew is taken as it is.
+    part = path.with_suffix(".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+    return hash_of_text(path)
+
+
+def hash_of_text(path: Path) -> str:
+    """What is published of a seal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def opened(path: Path, published: str) -> dict[str, Any]:
     """The truth behind a seal. InputError: it is not what was sealed."""
-    text = path.read_text(encoding="utf-8")
-    found = hashlib.sha256(text.encode()).hexdigest()
+    found = hash_of_text(path)
     if found != published:
         raise InputError(
             f"{path}: its hash is {found[:16]}..., but {published[:16]}... was published: not what was sealed"
         )
-    truth: dict[str, Any] = json.loads(text)["truth"]
+    truth: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["truth"]
     return truth
 
 
@@ -46,6 +53,11 @@ def hash_of(paths: Iterable[Path]) -> str:
     return content.hexdigest()
 
 
+def hash_of_sources(patterns: Iterable[str]) -> str:
+    """One hash of the package's files of these patterns."""
+    return hash_of(path for pattern in patterns for path in _PACKAGE.glob(pattern))
+
+
 def hash_of_judge() -> str:
     """One hash of all that decides what is said of a recording."""
-    return hash_of(path for pattern in _JUDGE for path in _PACKAGE.glob(pattern))
+    return hash_of_sources(_JUDGE)

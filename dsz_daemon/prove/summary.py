@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from dsz_daemon.prove.mix import OWN
+
 Scores = Sequence[dict[str, Any]]
 
 # Two-sided 95 %.
@@ -46,6 +48,7 @@ def summary(scores: Scores) -> dict[str, Any]:
         "errors": sum(one["error"] is not None for one in scores),
         "false_alarms": share(one["alarm"] for one in nulls),
         "false_extras": share(bool(one["extra"]) for one in scores),
+        "shapes_too_many": share(bool(one["shapes"]) for one in listed if one["car"] == OWN),
         "probability_of_truth": _mean(value for one in listed for value in one["probability"]),
         "both_of_a_pair": share(one["all_named"] for one in pairs),
         "both_or_alias": share(one["all_or_alias"] for one in pairs),
@@ -55,7 +58,7 @@ def summary(scores: Scores) -> dict[str, Any]:
         "inside_95": share(value < _Z for value in off),
         "brier": _mean((p - right) ** 2 for p, right in stated),
         "reliability": _reliability(stated),
-        "regained_median": _median(one["regained"] for one in listed if one["all_or_alias"]),
+        "regained_median": _median(one["regained"] for one in listed),
         "profile_within_0.1_deg": share(one["profile_rad"] < math.radians(0.1) for one in scores if one["profile_rad"]),
         "overlap_0.7": share(one["overlap"] > 0.7 for one in scores if one["overlap"] is not None),
         "seconds_median": _median(one["seconds"] for one in scores),

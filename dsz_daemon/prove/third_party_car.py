@@ -144,17 +144,13 @@ def _played(wanted: Array, play: float) -> Array:
 
 def _driven(p: Any, world: World, hand_rad: Array, speed_mps: Array, way_m: Array, time_s: Array) -> _Course:
     """The model's drive; what is left of the model's own axes, is to the right here."""
-    car, road, n = world.car, world.road, len(time_s)
+    car, road = world.car, world.road
     ratio = car.steering_ratio * car.steering_ratio_scale * (1.0 + car.steering_ratio_per_rad * np.abs(hand_rad))
     wheels_rad = _played(hand_rad / ratio, car.steering_backlash_rad) + car.steering_offset_rad
     bank, grade = (np.interp(way_m, road.step_m * np.arange(len(road.tilt)), road.tilt[:, i]) for i in (0, 1))
-    wind_n = np.zeros(n) if world.programme.side_wind_n is None else world.programme.side_wind_n(time_s)
-    limit = np.full(n, np.inf) if world.programme.friction_limit is None else world.programme.friction_limit(time_s)
-    slippery = np.isfinite(limit)
-    dry = model.as_numbers(p)
-    wet = model.as_numbers(p, float(limit[slippery].min())) if slippery.any() else dry
+    wind_n = np.zeros(len(time_s)) if world.programme.side_wind_n is None else world.programme.side_wind_n(time_s)
     states, changes, steer = model.courses(
-        *(dry, wet, -wheels_rad, speed_mps, model.G * np.sin(grade), model.G * np.sin(bank), -wind_n, slippery),
+        *(model.as_numbers(p), -wheels_rad, speed_mps, model.G * np.sin(grade), model.G * np.sin(bank), -wind_n),
         car.steering_compliance_rad_per_n,
     )
     return _Course(states, changes, -steer, bank, grade, wind_n)

@@ -31,7 +31,7 @@ _SIDEWAYS = (10, 15, 20)
 
 
 @cache
-def _package() -> dict[str, ModuleType]:
+def packages() -> dict[str, ModuleType]:
     """What this takes of others, by short names. MachineError where it is not installed."""
     try:
         return {
@@ -60,15 +60,12 @@ def _numbers(name: str, record: Any, **more: Any) -> Any:
     return namedtuple(name, sorted(found))(**found)
 
 
-def as_numbers(parameters: Any, friction: float | None = None) -> Any:
-    """The package's parameters, to be handed to `courses`; with another grip of the tyres where one is given."""
-    tire = _numbers("Tire", parameters.tire)
-    if friction is not None:
-        tire = tire._replace(p_dx1=friction * np.sign(tire.p_dx1), p_dy1=friction * np.sign(tire.p_dy1))
+def as_numbers(parameters: Any) -> Any:
+    """The package's parameters, to be handed to `courses`."""
     return _numbers(
         "Numbers",
         parameters,
-        tire=tire,
+        tire=_numbers("Tire", parameters.tire),
         steering=_numbers("Steering", parameters.steering),
         longitudinal=_numbers("Longitudinal", parameters.longitudinal),
     )
@@ -76,13 +73,13 @@ def as_numbers(parameters: Any, friction: float | None = None) -> Any:
 
 def bmw_320i() -> Any:
     """The package's vehicle 2."""
-    return _package()["car"].parameters_vehicle2()
+    return packages()["car"].parameters_vehicle2()
 
 
 @cache
 def _model() -> Any:
     """The package's right-hand side, compiled: f(state, (steering rate, acceleration), numbers)."""
-    package = _package()
+    package = packages()
     numba, tires = package["numba"], package["tires"]
 
     def compiled(function: Any, **beside: Any) -> Any:
@@ -105,7 +102,7 @@ def _model() -> Any:
 @cache
 def _loop() -> Any:
     """One drive, compiled."""
-    numba, model, sideways = _package()["numba"], _model(), _SIDEWAYS
+    numba, model, sideways = packages()["numba"], _model(), _SIDEWAYS
 
     def rates(state: Array, steer: float, wanted: float, numbers: Any, uphill: float, right: float) -> Array:
         state = state.copy()
@@ -120,13 +117,12 @@ def _loop() -> Any:
 
     def driven(
         state: Array, hand: Array, speed: Array, accel: Array, uphill: Array, right: Array, wind: Array,
-        slippery: NDArray[np.bool_], soft: float, dry: Any, wet: Any,
+        soft: float, numbers: Any,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         n = len(hand)
         states, changes, steers = np.zeros((n, STATES)), np.zeros((n, STATES)), np.zeros(n)
         front_n = 0.0
         for i in range(n):
-            numbers = wet if slippery[i] else dry
             steer = hand[i] - soft * front_n
             side = right[i] + wind[i] / numbers.m
             wanted = accel[i] + uphill[i] + (speed[i] - state[ALONG])
@@ -146,14 +142,12 @@ def _loop() -> Any:
 
 
 def courses(
-    dry: Any,
-    wet: Any,
+    numbers: Any,
     hand_rad: Array,
     speed_mps: Array,
     uphill_mps2: Array,
     right_mps2: Array,
     wind_n: Array,
-    slippery: NDArray[np.bool_],
     soft_rad_per_n: float,
 ) -> tuple[Array, Array, Array]:
     """States (n, 29), their rates (n, 29) and the front wheels' angle (n,), at STEP_S; the package's axes.
@@ -162,11 +156,11 @@ def courses(
     `uphill_mps2`, `right_mps2` (n,): gravity against the car and to its right; `wind_n` (n,) to the right;
     `soft_rad_per_n`: how far the front axle's lateral force turns its wheels back.
     """
-    init = _package()["start"].init_mb
+    init = packages()["start"].init_mb
     start = np.array(init([0.0, 0.0, float(hand_rad[0]), float(speed_mps[0]), 0.0, 0.0, 0.0], bmw_320i()))
-    start[list(WHEELS)] = speed_mps[0] / dry.R_w
+    start[list(WHEELS)] = speed_mps[0] / numbers.R_w
     accel = np.gradient(speed_mps, STEP_S)
     found: tuple[Array, Array, Array] = _loop()(
-        start, hand_rad, speed_mps, accel, uphill_mps2, right_mps2, wind_n, slippery, soft_rad_per_n, dry, wet
+        start, hand_rad, speed_mps, accel, uphill_mps2, right_mps2, wind_n, soft_rad_per_n, numbers
     )
     return found

@@ -13,8 +13,8 @@ import pytest
 from dsz_daemon.edge.samples_file import write_columns
 from dsz_daemon.errors import ConfigError, InputError
 from dsz_daemon.prove.mix import MILD, OWN, as_truth, trials
-from dsz_daemon.prove.page import is_failure, page
-from dsz_daemon.prove.prove import _claim
+from dsz_daemon.prove.page import is_failure, page, results_lines
+from dsz_daemon.prove.prove import _claim, _sealed_trial, _truth, prove
 from dsz_daemon.prove.score import scored
 from dsz_daemon.prove.seal import opened, sealed
 from dsz_daemon.prove.sizes import at_size
@@ -122,6 +122,38 @@ def test_a_folder_holds_one_proof(tmp_path: Path) -> None:
         _claim(tmp_path, {"seed": 2, "trials": 40})
 
 
+def test_a_trial_that_is_sealed_is_not_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trial = trials(5, 10)[0]
+    path = _truth(tmp_path, trial)
+    published = sealed({"number": trial.number}, path)
+    monkeypatch.setattr("dsz_daemon.prove.prove.made", lambda *_: pytest.fail("made again"))
+    assert _sealed_trial((trial, tmp_path)) == (f"{trial.number:05d}", published)
+    assert [one.name for one in path.parent.iterdir()] == [path.name]
+
+
+def test_a_wrong_seed_is_said_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="-1 is negative"):
+        prove(tmp_path / "proof", -1, 10)
+    assert not (tmp_path / "proof").exists()
+
+
+def test_a_bar_holds_only_where_its_interval_does(tmp_path: Path) -> None:
+    """None of 36 may be one in ten; none of 300 is surely less than two in a hundred (1.26 %)."""
+    one = answered(tmp_path, [], [], group="null")
+    for count, holds in ((36, "**no**"), (300, "yes")):
+        lines = {line[0]: line for line in results_lines(summary([one] * count))}
+        assert lines["false alarms on nulls"][1].startswith(f"0 of {count}")
+        assert lines["false alarms on nulls"][2:] == ("at most 0.01, surely at most 0.02", holds)
+
+
+def test_a_shape_beside_the_right_name_is_one_too_many(tmp_path: Path) -> None:
+    planted = [{"effect": "gyro_scale", "parameters": {}}]
+    shape = {"channel": "accel_x", "shape": "k*vx^2"}
+    one = answered(tmp_path, [cause("gyro_scale")], planted, shapes=[shape], car="own")
+    assert summary([one])["shapes_too_many"]["hits"] == 1
+    assert summary([one | {"car": "third_party"}])["shapes_too_many"]["of"] == 0
+
+
 def test_wilsons_intervals() -> None:
     """Hand values: none of 300 leaves up to 1.26 %; of 81 of 263 the interval is that of Newcombe 1998, method 3."""
     assert wilson(0, 300) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.01264, abs=1e-5))
@@ -186,9 +218,11 @@ def test_an_alias_is_not_wrong_and_not_right(tmp_path: Path) -> None:
     planted = [{"effect": "imu_delay", "parameters": {}}]
     one = answered(tmp_path, [cause("sensor_bandwidth", ("imu_delay",), (("imu_delay", 0.3),))], planted)
     assert (one["first"], one["first_or_alias"], one["extra"]) == (False, True, [])
-    assert one["probability"] == [0.3]
+    # Of 0.9 for the pair of them 0.3 is its part.
+    assert one["probability"] == [pytest.approx(0.27)]
     one = answered(tmp_path, [cause("imu_delay", (), (("sensor_bandwidth", 0.2),))], planted)
-    assert one["probability"] == [0.8]
+    # 0.9 is stated of the cause, which is 0.8 of what there may be.
+    assert one["probability"] == [pytest.approx(0.9)]
 
 
 def test_another_effects_alias_group_does_not_help(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def level(seconds: float, steer: float, speed: float, wind_n: float = 0.0, bank:
     one = np.ones(n)
     numbers = model.as_numbers(model.bmw_320i())
     side = model.G * math.sin(bank) * one
-    states, _, _ = model.courses(numbers, numbers, steer * one, speed * one, 0 * one, side, wind_n * one, one < 0, 0.0)
+    states, _, _ = model.courses(numbers, steer * one, speed * one, 0 * one, side, wind_n * one, 0.0)
     return np.asarray(states)
 
 
@@ -63,7 +63,7 @@ def test_wind_and_bank_push_it_the_same_way() -> None:
 def test_uphill_the_driver_pushes_and_the_driven_wheels_slip() -> None:
     n = 4000
     one, numbers = np.ones(n), model.as_numbers(model.bmw_320i())
-    states, _, _ = model.courses(numbers, numbers, 0 * one, 15.0 * one, 0.5 * one, 0 * one, 0 * one, one < 0, 0.0)
+    states, _, _ = model.courses(numbers, 0 * one, 15.0 * one, 0.5 * one, 0 * one, 0 * one, 0.0)
     assert states[-1, model.ALONG] == pytest.approx(15.0, abs=0.05)
     # Rear-driven: the rear wheels run ahead, by the force over load and slip stiffness.
     p = model.bmw_320i()
@@ -76,10 +76,8 @@ def test_uphill_the_driver_pushes_and_the_driven_wheels_slip() -> None:
 def test_softer_wheels_turn_back() -> None:
     n = 3000
     one, numbers = np.ones(n), model.as_numbers(model.bmw_320i())
-    _, _, stiff = model.courses(numbers, numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, one < 0, 0.0)
-    states, changes, soft = model.courses(
-        numbers, numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, one < 0, 2e-6
-    )
+    _, _, stiff = model.courses(numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, 0.0)
+    states, changes, soft = model.courses(numbers, 0.02 * one, 15.0 * one, 0 * one, 0 * one, 0 * one, 2e-6)
     assert stiff[-1] == 0.02
     # In a steady turn the front axle carries its share of m v r.
     p = model.bmw_320i()
