@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OF_ITSELF, Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
+from dsz_daemon.diagnose.level import level_of, unexplained_of, verdict, worst
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
@@ -63,7 +63,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     unexplained = unexplained_of(found, level)
     errors = _parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
-    causes = [cause for effect in named if (cause := _cause(found, effect, doubt(level, unexplained))) is not None]
+    causes = [cause for effect in named if (cause := _cause(found, effect, worst(level, unexplained))) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
@@ -114,18 +114,24 @@ def _usual(found: Search) -> Floats:
     return np.asarray(np.maximum(rms, found.best.scatter), dtype=np.float64)
 
 
-def _cause(found: Search, effect: str, doubted: float = 1.0) -> Cause | None:
-    """One named effect, its spreads `doubted` times larger; None where it is too small to be given a name."""
+def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
+    """One named effect; None where it is too small to be given a name, or gains too little.
+
+    Where a simulation is off by `left` times what it may be, what looks like a cause may be how it is wrong: so many
+    times more has to be gained. Spreads are larger by the root: its square is Birge's ratio, which holds where all
+    that is left were to be blamed on the parameter.
+    """
+    doubted = math.sqrt(left)
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
     least = {p.name: p.least for p in described.parameters}
     surely = found.gains[effect] > _SURE
     named = [
-        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
+        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * doubted * (std or 0.0))
         for name, (value, std) in values.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    if (named and not any(named)) or found.gains[effect] < _TOLD_GAIN:
+    if (named and not any(named)) or found.gains[effect] < _TOLD_GAIN * left:
         return None
     units = {p.name: p.unit for p in described.parameters}
     values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}

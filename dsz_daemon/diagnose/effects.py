@@ -2,7 +2,7 @@
 
 A parameter is 0 where nothing is left out. `step` is a plain size of it: sensitivities are secants over a step, so
 that effects whose slope vanishes at 0 (play, grip) show, too. Below `least` no name is given: sines for angles, a
-message's own few milliseconds, counted poles and a differentiated speed do as much.
+message's own few milliseconds, wheels with inertia, counted poles and a differentiated speed do as much.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The wheel speeds come {delay_s:.3f} s late",
         "reading(t) = v(t - d)",
         CAR,
-        (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.006),),
+        (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.008),),
     ),
     Effect(
         "sensor_bandwidth",
@@ -348,11 +348,11 @@ TOLERATED = (
     *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
-# Does the driving force turn with the front wheels, do these steer alike: cars are drawn either way. By which few
-# milliseconds is the steering late, or motion behind forces: simulations hold inputs, messages wait for each other.
+# Cars are drawn with or without: a pull along steered wheels, wheels steered alike, load on tyres, inputs held for ms.
 FORM = (
     Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
+    Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     Parameter("steering_skew_s", "s", 0.002, -0.003, 0.003, math.inf),
     Parameter("hasty_s", "s", 0.002, -0.005, 0.005, math.inf),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -38,8 +39,11 @@ class Box(NamedTuple):
     weight: Floats
 
 
-def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
-    """The sums of residuals `left` (k, 13) and sensitivities `slopes` (k, 13, p), scaled by `std` (13,)."""
+def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats, bound: float = math.inf) -> Sums:
+    """The sums of residuals `left` (k, 13) and sensitivities `slopes` (k, 13, p), scaled by `std` (13,).
+
+    Beyond `bound` deviations a row pulls no harder than there (Huber).
+    """
     blocks = int(rows.block[-1]) + 1
     channels, p = left.shape[1], slopes.shape[2]
     found = Sums(
@@ -48,7 +52,7 @@ def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats) -> Sums:
         np.zeros((blocks, channels)),
         np.zeros((blocks, channels)),
     )
-    _add_up(rows.block, rows.used, left, slopes, std, *found)
+    _add_up(rows.block, rows.used, left, slopes, std, bound, *found)
     return found
 
 
@@ -59,6 +63,7 @@ def _add_up(
     left: Floats,
     slopes: Floats,
     std: Floats,
+    bound: float,
     squares: Floats,
     cross: Floats,
     power: Floats,
@@ -71,7 +76,10 @@ def _add_up(
             if not used[k, c]:
                 continue
             b, slope = block[k], slopes[k, c]
-            once, twice = left[k, c] / std[c] ** 2, 1.0 / std[c] ** 2
+            twice = 1.0 / std[c] ** 2
+            if abs(left[k, c]) > bound * std[c]:
+                twice *= bound * std[c] / abs(left[k, c])
+            once = left[k, c] * twice
             counts[b, c] += 1.0
             power[b, c] += once * left[k, c]
             for i in range(p):

@@ -49,6 +49,8 @@ DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
 _ROUNDS = 12
+# Deviations; what is further off was something else.
+_FAR = 4.0
 
 
 class Fit(NamedTuple):
@@ -153,7 +155,7 @@ def fitted(
     for k in range(_ROUNDS):
         there = known.of(x, effects, columns) if known is not None and k == 0 else None
         slopes = sensitivities(drive, rows, x, road, base, columns, anew, each) if there is None else there
-        found = sums(rows, left, slopes, scatter)
+        found = sums(rows, left, slopes, scatter, _FAR)
         box = box_of(words.columns, x, columns, tolerance)
         step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
         before = loss_of(left, rows, scatter)
@@ -240,10 +242,10 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
 
 
 def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
-    """Half the sum of squares, beyond four deviations as for a distance."""
+    """Half the sum of squares, beyond `_FAR` deviations as for a distance."""
     # A car that has become unstable is infinitely wrong, and that is all that counts.
     z = np.nan_to_num(np.minimum(np.abs(left / scatter), 1e9), nan=1e9)
-    return float(np.sum(np.where(z < 4.0, 0.5 * z * z, 4.0 * z - 8.0)[rows.used]))
+    return float(np.sum(np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))[rows.used]))
 
 
 def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -50,10 +49,6 @@ def verdict(explained: bool, left: bool) -> str:
     return "explained" if explained else "consistent"
 
 
-def doubt(level: Mapping[str, float], unexplained: Collection[str]) -> float:
-    """How much larger spreads are than those of the fit, where a simulation is off by more than its parameters tell.
-
-    The root of the worst channel's level: its square is Birge's ratio, which holds where all that is left were to be
-    blamed on the parameter.
-    """
-    return math.sqrt(max((level[name] for name in unexplained), default=1.0))
+def worst(level: Mapping[str, float], unexplained: Collection[str]) -> float:
+    """The level of the channel that is explained the least, 1 where all are."""
+    return max((level[name] for name in unexplained), default=1.0)

@@ -22,6 +22,10 @@ G = STANDARD_GRAVITY_MPS2
 ROLLING_MPS = 2.5
 # A body on its springs, of a passenger car.
 BODY_RADPS, BODY_DAMPING = 2.0 * math.pi * 1.5, 0.35
+# Load comes through these springs: so long after the force.
+LOAD_S = 2.0 * BODY_DAMPING / BODY_RADPS
+# Of an axle's static load.
+LIGHTEST, HEAVIEST = 0.3, 1.7
 
 # How long a tyre stays linear, see `_limited`: between a brush and a clamp.
 SHARPNESS = 2.5
@@ -54,6 +58,7 @@ class CarModel(NamedTuple):
     parallel_steer: float
     front_track_m: float
     hasty_s: float
+    load_height_m: float
 
 
 @compiled
@@ -95,6 +100,17 @@ def _scrubbed(car: CarModel, heading: float, curvature: float, sin: float) -> tu
 
 
 @compiled
+def _loaded(car: CarModel, along_mps2: float) -> tuple[float, float]:
+    """What the front and the rear tyres' forces are times, for the load that drive and brakes move to the rear.
+
+    m a h / L of m g l_r / L in front; h counts as far as stiffness follows load (an exponent of 1 is all of it).
+    """
+    moved_m = car.load_height_m * along_mps2 / G
+    front, rear = 1.0 - moved_m / car.cg_to_rear_axle_m, 1.0 + moved_m / car.cg_to_front_axle_m
+    return min(max(front, LIGHTEST), HEAVIEST), min(max(rear, LIGHTEST), HEAVIEST)
+
+
+@compiled
 def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     car: CarModel,
     steer_rad: Floats,
@@ -120,6 +136,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     roll, roll_rate, pitch, pitch_rate = 0.0, 0.0, 0.0, 0.0
+    front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
     held = steer_rad[0]
     half = 0.5 * car.backlash_rad
     roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
@@ -137,13 +154,15 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             vy = lr * r
             front, rear = 0.0, 0.0
             ay, r_rate = r * v, (r - r_before) / dt_s
-        elif car.relaxation_m <= 0.0:
-            front = _limited(
-                -car.front_stiffness * (math.atan((vy + lf * r) / v) - delta), front_load, grip[i], car.sharpness
-            )
-            rear = _limited(-car.rear_stiffness * math.atan((vy - lr * r) / v), rear_load, grip[i], car.sharpness)
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
         uphill = G * math.sin(grade_rad[i])
+        if car.load_height_m != 0.0:
+            carried_mps2 += taken * (v_rate[i] - r * vy + uphill - carried_mps2)
+            front_loaded, rear_loaded = _loaded(car, carried_mps2)
+        if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
+            slips = math.atan((vy + lf * r) / v) - delta, math.atan((vy - lr * r) / v)
+            front = front_loaded * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
+            rear = rear_loaded * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, cos)
             scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, sin)
@@ -173,15 +192,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         delta_mid, v_mid = delta + 0.5 * (held_after - held), v + 0.5 * (v_mps[after] - v_mps[i])
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
-        front_goal = _limited(
-            -car.front_stiffness * (math.atan((vy_mid + lf * r_mid) / v_mid) - delta_mid),
-            front_load,
-            grip[i],
-            car.sharpness,
-        )
-        rear_goal = _limited(
-            -car.rear_stiffness * math.atan((vy_mid - lr * r_mid) / v_mid), rear_load, grip[i], car.sharpness
-        )
+        slips = math.atan((vy_mid + lf * r_mid) / v_mid) - delta_mid, math.atan((vy_mid - lr * r_mid) / v_mid)
+        front_goal = front_loaded * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
+        rear_goal = rear_loaded * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
             share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)

@@ -208,6 +208,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("parallel_steer"),
         front_track_m,
         at("hasty_s"),
+        at("load_height_m"),
     )
     v_rate = np.gradient(v, DT_S)
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)

@@ -75,6 +75,8 @@ class Buses:
         except BaseException:
             self.close()
             raise
+        # How each bus is doing: made once, for it is asked all the time.
+        self.health = tuple(port.health for port in self._ports.values())
 
     def refilter(self, wanted: Mapping[str, Ids] | None, own: Ids, output: str) -> None:
         """Other ids from now on."""
@@ -94,11 +96,6 @@ class Buses:
         """Shuts all buses down; safe to call twice. Their health can still be asked."""
         for port in self._ports.values():
             port.close()
-
-    @property
-    def health(self) -> tuple[BusHealth, ...]:
-        """How each bus is doing."""
-        return tuple(port.health for port in self._ports.values())
 
     @property
     def dropped(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -37,12 +38,12 @@ class Setup:
     settings: Settings
     checked: CheckResult
 
-    @property
+    @cached_property
     def roles(self) -> frozenset[str]:
         """All mapped roles."""
         return frozenset(source.role for source in self.checked.resolved.sources)
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """The mapped IMU channels in the vocabulary's order."""
         return tuple(name for name in IMU_CHANNELS if name in self.roles)

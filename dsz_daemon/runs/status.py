@@ -3,6 +3,9 @@
 SI and radians; a number that is not there, or not finite, is null. Times are bus time. Built between
 two ticks of the loop: plain dictionaries from plain values, nothing that could wait. Counts and
 health are taken field by field, so that a new field is shown without a word here.
+
+The fields' names are asked for once. A tuple of unknown length is made longer than it is and then cut, and
+CPython 3.11 keeps up to 2000 of each length for later: one a question, and memory grows for an hour.
 """
 
 from __future__ import annotations
@@ -32,6 +35,8 @@ _ENCODER = tuple(field.name for field in fields(EncoderState))
 _ROLE = tuple(field.name for field in fields(RoleCounts))
 # `senders` is what the decoder remembers between two frames: no count, and nobody's business.
 _MESSAGE = tuple(field.name for field in fields(MessageCounts) if field.name not in {"last_t_ns", "senders"})
+_DECODER = tuple(field.name for field in fields(DecodeCounters))
+_STATE = tuple(field.name for field in fields(StateFacts))
 _MOTION = StepOutput._fields[len(IMU_CHANNELS) :]
 _DEG = 180.0 / math.pi
 # What people look at first: the yaw rate, which every car has.
@@ -146,7 +151,7 @@ def _input(role: str, row: Row | None, now_ns: int) -> dict[str, Any]:
 
 
 def _decoder(counters: DecodeCounters, now_ns: int) -> dict[str, Any]:
-    counted = {field.name: getattr(counters, field.name) for field in fields(counters)}
+    counted = {name: getattr(counters, name) for name in _DECODER}
     counted["roles"] = {
         role: {**{name: getattr(counts, name) for name in _ROLE}, "rejected": counts.rejected}
         for role, counts in counters.roles.items()
@@ -185,7 +190,7 @@ def _lateness(lateness: Lateness) -> dict[str, Any]:
 
 
 def _state_file(state: StateFacts, now_ns: int) -> dict[str, Any]:
-    known = {field.name: getattr(state, field.name) for field in fields(state)}
+    known = {name: getattr(state, name) for name in _STATE}
     saved_ns = known.pop("saved_ns")
     return {**known, "saved_age_s": None if saved_ns is None else _age_s(now_ns, saved_ns)}
 

@@ -57,7 +57,8 @@ def _doubted(facts: LiveFacts) -> tuple[str, ...]:
     if facts.row is None:
         return ()
     channels = zip(IMU_CHANNELS, facts.row.output.channels, strict=True)
-    return tuple(name for name, channel in channels if channel.reason is Reason.DOUBTED)
+    # A list first: see runs/status of tuples of unknown length.
+    return tuple([name for name, channel in channels if channel.reason is Reason.DOUBTED])
 
 
 def news(before: Seen | None, facts: LiveFacts) -> list[News]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import real_faults
 
-WITHOUT = ["road_grade", "wheel_slip", "road_bank"]
+WITHOUT = {"road_grade", "wheel_slip"}
 
 
 @pytest.mark.real
@@ -20,5 +20,6 @@ WITHOUT = ["road_grade", "wheel_slip", "road_bank"]
 )
 def test_a_fault_in_a_real_recording_is_named(fault: str, cause: str) -> None:
     causes, shapes, _, _ = real_faults.said(fault)
-    assert sorted(causes) == sorted([*WITHOUT, cause])
+    # That road may bank by some 0.004 rad: nobody has measured it.
+    assert set(causes) - {"road_bank"} == WITHOUT | {cause}
     assert shapes == []

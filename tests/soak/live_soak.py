@@ -26,8 +26,8 @@ from memory_trend import Trend, descriptors, rss_bytes, trend  # noqa: E402
 from dsz_daemon.edge.status_socket import ask  # noqa: E402
 
 _ONLY_GROW = ("rows", "missed_ticks", "timer_overruns", "reloads")
-# Ten minutes leave allocators some pages that they had not touched before.
-MOST_GROWTH_BYTES = 2 * 2**20
+# A page or two that an allocator had not touched before are no slope.
+MOST_GROWTH_BYTES = 32 * 2**10
 
 
 @dataclass

@@ -39,7 +39,7 @@ MOST_GROWTH_BYTES = 2**20
 
 @dataclass
 class Soaked:
-    """What a soak counted; `rss` are (hours of bus time, bytes)."""
+    """What a soak counted; `rss` are (hours of bus time, bytes), `blocks` Python's own blocks after each lap."""
 
     hours: float = 0.0
     took_s: float = 0.0
@@ -48,6 +48,7 @@ class Soaked:
     sent: int = 0
     faults: list[str] = field(default_factory=list)
     rss: list[tuple[float, int]] = field(default_factory=list)
+    blocks: list[int] = field(default_factory=list)
     last_rss_bytes: int = 0
 
 
@@ -75,7 +76,7 @@ def soak(
     done, began_s, lap_ns = Soaked(), time.monotonic(), lap_s * 10**9
     laps = max(1, round(hours * 3600 / lap_s))
     # Room for all samples is taken, and touched, before the first: what is measured must not grow by being measured.
-    sizes = array("q", [1] * laps)
+    sizes, blocks = array("q", [1] * laps), array("q", [1] * laps)
     for number in range(laps):
         for frame in lap:
             rows = loop.frame(frame._replace(t_ns=frame.t_ns + number * lap_ns))
@@ -86,8 +87,10 @@ def soak(
         gc.collect()
         done.hours, done.took_s = (number + 1) * lap_s / 3600, time.monotonic() - began_s
         sizes[number] = done.last_rss_bytes = rss_bytes()
+        blocks[number] = sys.getallocatedblocks()
         tell(done)
     done.rss = [((number + 1) * lap_s / 3600, size) for number, size in enumerate(sizes)]
+    done.blocks = blocks.tolist()
     done.rows += len(loop.finish())
     done.faults = _inconsistencies(done, decoder.counters, loop, (lap[0], lap[-1]), (laps - 1) * lap_ns)
     return done
@@ -140,6 +143,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Hours of bus time, as fast as they go.")
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--rate", type=int, default=100, metavar="HZ", help="20 takes a third of the time")
+    parser.add_argument("--lap", type=int, default=_LAP_S, metavar="S", help="how much of the drive is repeated")
     parser.add_argument("-o", "--output", type=Path, help="also write the result as JSON, after every hour")
     arguments = parser.parse_args(argv)
 
@@ -152,7 +156,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if arguments.output is not None:
                 arguments.output.write_text(json.dumps(asdict(done)), encoding="utf-8")
 
-    done = soak(arguments.hours, tell, rate_hz=arguments.rate)
+    done = soak(arguments.hours, tell, arguments.lap, arguments.rate)
     if arguments.output is not None:
         arguments.output.write_text(json.dumps(asdict(done)), encoding="utf-8")
     good, words = conclusion(done)

@@ -268,6 +268,17 @@ def test_a_fit_is_judged_on_blocks_that_it_has_not_seen() -> None:
         assert unseen[np.arange(20) % FOLDS == k].sum() == pytest.approx(expected, rel=1e-6)
 
 
+def test_what_is_far_off_pulls_no_harder_than_at_the_bound() -> None:
+    """Huber's normal equations by hand: the row 10 deviations off counts 4 of its 10."""
+    rows = Rows(np.arange(2), np.ones((2, 1), bool), np.zeros(2, dtype=int), np.zeros((2, 1)), np.zeros(1))
+    left, slopes = np.array([[2.0], [-20.0]]), np.array([[[3.0]], [[5.0]]])
+    near, far = sums(rows, left, slopes, np.array([2.0])), sums(rows, left, slopes, np.array([2.0]), 4.0)
+    assert near.cross[0, 0, 0] == pytest.approx((3.0 * 2.0 - 5.0 * 20.0) / 4.0)
+    assert near.squares[0, 0, 0, 0] == pytest.approx((9.0 + 25.0) / 4.0)
+    assert far.cross[0, 0, 0] == pytest.approx((3.0 * 2.0 - 0.4 * 5.0 * 20.0) / 4.0)
+    assert far.squares[0, 0, 0, 0] == pytest.approx((9.0 + 0.4 * 25.0) / 4.0)
+
+
 def test_the_box_holds() -> None:
     squares, cross = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([3.0, 3.0])
     free = Box(np.full(2, -9.0), np.full(2, 9.0), np.zeros(2))

@@ -12,6 +12,7 @@ import pytest
 from dsz_daemon.diagnose import aliases, answer, level
 from dsz_daemon.diagnose.effects import BUILT_IN
 from dsz_daemon.diagnose.prediction import flat, nothing
+from dsz_daemon.diagnose.said import Value
 from dsz_daemon.diagnose.search import Step
 
 
@@ -153,6 +154,7 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
     monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}}
     )
@@ -206,11 +208,33 @@ def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.
         assert [error.parameter for error in answer._parameter_errors(search, map)] == expected
 
 
-def test_where_a_channel_is_not_explained_spreads_are_larger() -> None:
+def test_the_worst_channel_is_that_which_is_explained_the_least() -> None:
     levels = {"accel_x": 1.2, "accel_y": 9.0, "gyro_z": 4.0}
-    assert level.doubt(levels, []) == 1.0
-    assert level.doubt(levels, ["gyro_z"]) == pytest.approx(2.0)
-    assert level.doubt(levels, ["gyro_z", "accel_y"]) == pytest.approx(3.0)
+    assert level.worst(levels, []) == 1.0
+    assert level.worst(levels, ["gyro_z"]) == 4.0
+    assert level.worst(levels, ["gyro_z", "accel_y"]) == 9.0
+
+
+def test_where_a_channel_is_not_explained_more_has_to_be_gained_and_spreads_are_larger(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(answer, "_values", lambda *_: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
+    monkeypatch.setattr(answer, "alternatives", lambda *_: (["gyro_scale"], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+
+    def told(gain: float, left: float) -> Any:
+        drive = SimpleNamespace(vocabulary=BUILT_IN)
+        search: Any = SimpleNamespace(drive=drive, best=None, gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}})
+        return answer._cause(search, "gyro_scale", left)
+
+    assert told(19.0, 1.0) is None
+    assert told(21.0, 1.0).parameters["x"] == Value(0.1, 0.03, "1")
+    assert told(39.0, 2.0) is None
+    assert told(41.0, 2.0).parameters["x"] == Value(0.1, pytest.approx(0.03 * math.sqrt(2.0)), "1")
+    # 0.1 is two of its spreads of the fit, but not of those that are told.
+    assert told(90.0, 4.0) is None
+    assert told(101.0, 4.0) is not None
 
 
 def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
-NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK, 0.0)
+NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK, 0.0, 0.0)
 DT_S = 0.01
 T = DT_S * np.arange(1000)
 NONE = np.zeros(len(T))
@@ -180,3 +180,33 @@ def test_a_hasty_simulation_is_half_a_step_behind_its_own_forces() -> None:
     off = [float(np.std(rows[:, motion.AY] - shows[:, 0])) for rows in (prompt, hasty)]
     assert off[1] < 0.1 * off[0]
     assert np.std(hasty[:, motion.R] - shows[:, 1]) < 2e-3 * np.std(shows[:, 1])
+
+
+@pytest.mark.parametrize("how", ["braking", "uphill", "light"])
+def test_tyres_that_follow_their_load_are_stiffer_where_it_goes(how: str) -> None:
+    """Second route: axles of the stiffness that they have at the loads of statics, m a h / L from one to the other."""
+    height, along = 0.5, {"braking": -3.0, "uphill": G * math.sin(0.1), "light": 20.0}[how]
+    steer = 0.02 * np.sin(math.pi * T) * (T > 1.0)
+    inputs = {"grade_rad": NONE + 0.1} if how == "uphill" else {"v_rate": NONE + along}
+    moved_n = M * along * height / (LF + LR)
+    front, rear = 1.0 - moved_n / (M * G * LR / (LF + LR)), 1.0 + moved_n / (M * G * LF / (LF + LR))
+    front, rear = (min(max(share, motion.LIGHTEST), motion.HEAVIEST) for share in (front, rear))
+    assert (front > 1.0) == (how == "braking")
+    stiff = NOMINAL._replace(front_stiffness=CF * front, rear_stiffness=CR * rear)
+    for relaxation_m in (0.0, 0.4):
+        follows = NOMINAL._replace(load_height_m=height, relaxation_m=relaxation_m)
+        rows = driven(follows, 20.0, steer, **inputs)
+        expected = driven(stiff._replace(relaxation_m=relaxation_m), 20.0, steer, **inputs)
+        size = np.max(np.abs(expected[:, :5]), axis=0)
+        np.testing.assert_allclose(rows[:, :5] / size, expected[:, :5] / size, atol=0.005)
+
+
+def test_load_comes_through_the_springs() -> None:
+    """Of the load that brakes move 1 - exp(-t / LOAD_S) is there after t; so soft tyres let the car go on as it did."""
+    car = NOMINAL._replace(load_height_m=0.5, front_stiffness=1e3, rear_stiffness=1e3)
+    late = driven(car, 20.0, NONE + 0.02, v_rate=np.where(T >= 1.0, -3.0, 0.0))[:, motion.FRONT_N]
+    never = driven(car, 20.0, NONE + 0.02)[:, motion.FRONT_N]
+    in_the_end = 0.5 * 3.0 / (G * LR)
+    for steps in (3, 7, 20):
+        share = (late[100 + steps - 1] / never[100 + steps - 1] - 1.0) / in_the_end
+        assert share == pytest.approx(1.0 - math.exp(-steps * DT_S / motion.LOAD_S), abs=0.02)

@@ -16,6 +16,8 @@ from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.search import _feels, _screened, _without_trifles, gained
+from dsz_daemon.diagnose.shape_beside import shape_beside
+from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 
 
 def wind(of: Any, force_n: np.ndarray) -> Any:
@@ -125,3 +127,31 @@ def test_an_offset_that_drifts_does_so_all_the_way() -> None:
     assert not moved(0.1 * (1.0 - np.exp(-T / 60.0)))
     assert moved(0.03 * np.clip((T - 20.0) / 20.0, 0.0, 1.0))
     assert moved(np.where(T < 40.0, 1e-3 * T, 0.04))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_in_noise_no_shape_pays_for_having_been_chosen(seed: int) -> None:
+    one = drive({}, CITY_V, CITY_STEER, seed)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    found = shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
+    assert found is not None
+    # The best of some eighty: above 0 without its price, and well below it with that.
+    assert -CHOSEN_OF_MANY - 3.0 < found.gain < 0.0
+
+
+def test_a_shape_is_found_with_its_size_where_the_refit_has_bent_to_it() -> None:
+    def change(one: Drive) -> None:
+        across = one.measured[:, 2] * CITY_V
+        one.measured[:, 2] += 1e-4 * across**3
+
+    one = drive({}, CITY_V, CITY_STEER, change=change)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    found = shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
+    assert found is not None
+    assert (found.channel, found.shape) == ("gyro_z", "k*ay^3")
+    assert found.value == pytest.approx(1e-4, rel=0.1)
+    assert found.gain > 100.0

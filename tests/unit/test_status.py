@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import io
 import json
 import math
@@ -20,6 +21,7 @@ from status_cases import FakeDaemon, golden_setup, last_moment, moments
 
 from dsz_daemon import cli
 from dsz_daemon.core.outputs import ChannelState, Reason
+from dsz_daemon.edge.bus import Buses
 from dsz_daemon.edge.health import BusHealth, Link
 from dsz_daemon.edge.journal import Event, Priority
 from dsz_daemon.errors import MachineError
@@ -29,6 +31,7 @@ from dsz_daemon.runs.asking import answer, socket_path
 from dsz_daemon.runs.facts import LiveFacts, StateFacts
 from dsz_daemon.runs.screen_status import status_screen
 from dsz_daemon.runs.status import snapshot, snapshot_text, status_line
+from dsz_daemon.runs.watchman import seen as seen_by_the_watchman
 from dsz_daemon.signals import IMU_CHANNELS
 
 DEG = math.pi / 180.0
@@ -357,3 +360,28 @@ def test_words_from_the_bus_can_not_steer_the_terminal(tmp_path: Path) -> None:
     assert all(character.isprintable() or character == "\n" for character in text)
     # Neither lost nor taken for rich's markup.
     assert "?]0;owned??[2J???31m[bold]" in text
+
+
+def test_being_asked_for_an_hour_leaves_nothing_behind() -> None:
+    """Not even in the interpreter's free lists, which keep 2000 tuples of each length: blocks that stay allocated."""
+    facts = rich_facts()
+    doubted = tuple(channel._replace(reason=Reason.DOUBTED) for channel in facts.row.output.channels[:3])
+    output = facts.row.output._replace(**dict(zip(IMU_CHANNELS[:3], doubted, strict=True)))
+    facts = replace(facts, row=facts.row._replace(output=output))
+
+    def asked() -> None:
+        snapshot_text(golden_setup(), facts)
+        seen_by_the_watchman(facts)
+
+    with Buses({"one": {"interface": "virtual", "channel": "asked"}}) as buses:
+        gc.disable()
+        try:
+            allocated = []
+            for times in (100, 1000):
+                for _ in range(times):
+                    asked()
+                    assert len(buses.health) == 1
+                allocated.append(sys.getallocatedblocks())
+        finally:
+            gc.enable()
+    assert allocated[1] - allocated[0] < 100
