@@ -20,6 +20,7 @@ _CORRELATED_FOR_ROWS = 250
 _TOLD_APART = 1e-10
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
+_ROUNDING = 1e-6
 
 
 class Sums(NamedTuple):
@@ -192,11 +193,14 @@ def gain(
     """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
 
     `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing, and neither does a
-    channel that is `quiet` (13,) already; it may lose.
+    channel that is `quiet` (13,) already; it may lose. What leaves a sum of squares that is none (unstable, -inf or nan) gains -inf.
     """
     n = count.sum(axis=0)
     known = n > 0
     coarse = n[known] * np.maximum(form[known] ** 2, 1e-24)
-    old, new = before.sum(axis=0)[known] + coarse, after.sum(axis=0)[known] + coarse
-    each = 0.5 * n[known] / per_row[known] * np.log(old / new)
+    old, new = before.sum(axis=0)[known], after.sum(axis=0)[known]
+    # A trial fit in which the car is unstable has sums that are no sums of squares.
+    if not (np.isfinite(new) & (new >= -_ROUNDING * old)).all():
+        return -math.inf
+    each = 0.5 * n[known] / per_row[known] * np.log((old + coarse) / (np.maximum(new, 0.0) + coarse))
     return float(np.sum(each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)))

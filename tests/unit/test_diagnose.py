@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import json
 import sys
 from collections.abc import Mapping
@@ -355,6 +356,16 @@ def test_the_gain_is_a_log_likelihood_and_the_forms_coarseness_is_none() -> None
     assert gain(before, after, count, np.ones(1), np.zeros(1)) == pytest.approx(50.0 * np.log(4.0))
     assert gain(before, after, count, np.full(1, 2.0), np.zeros(1)) == pytest.approx(25.0 * np.log(4.0))
     assert gain(before, after, count, np.ones(1), np.full(1, 10.0)) == pytest.approx(50.0 * np.log(104.0 / 101.0))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("sum_of_squares", [-100.0, math.nan, math.inf])
+def test_what_became_unstable_gains_nothing_without_a_word(sum_of_squares: float) -> None:
+    after, count = np.array([[sum_of_squares, 1.0]]), np.array([[100.0, 100.0]])
+    assert gain(np.full((1, 2), 400.0), after, count, np.ones(2), np.zeros(2)) == -math.inf
+    # Rounding is no instability.
+    after[0, 0] = -1e-9
+    assert math.isfinite(gain(np.full((1, 2), 400.0), after, count, np.ones(2), np.zeros(2)))
 
 
 def test_configured_figures_have_their_digits() -> None:
