@@ -193,7 +193,8 @@ def gain(
     """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
 
     `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing, and neither does a
-    channel that is `quiet` (13,) already; it may lose. What leaves a sum of squares that is none (unstable, -inf or nan) gains -inf.
+    channel that is `quiet` (13,) already; it may lose. A sum of squares that is none (the car became unstable) gains
+    -inf.
     """
     n = count.sum(axis=0)
     known = n > 0
