@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OF_ITSELF, Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.level import level_of, unexplained_of, verdict, worst
+from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
@@ -63,7 +63,8 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     unexplained = unexplained_of(found, level)
     errors = _parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
-    causes = [cause for effect in named if (cause := _cause(found, effect, worst(level, unexplained))) is not None]
+    left = doubt(found, unexplained)
+    causes = [cause for effect in named if (cause := _cause(found, effect, left)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
@@ -110,8 +111,8 @@ def _offsets(found: Search) -> dict[str, tuple[float, float]]:
 def _usual(found: Search) -> Floats:
     """What each channel scatters by where all is explained."""
     n = np.maximum(found.best.sums.counts.sum(axis=0), 1.0)
-    rms = np.sqrt(found.best.sums.left.sum(axis=0) / n) * found.best.scatter
-    return np.asarray(np.maximum(rms, found.best.scatter), dtype=np.float64)
+    rms = np.sqrt((found.best.sums.left * found.best.scatter**2).sum(axis=0) / n)
+    return np.asarray(np.maximum(rms, found.best.scatter.min(axis=0)), dtype=np.float64)
 
 
 def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
@@ -309,7 +310,7 @@ def _fit(found: Search) -> dict[str, ChannelFit]:
 
     def rms(fit: Fit, unseen: bool) -> Floats:
         n = np.maximum(fit.sums.counts.sum(axis=0), 1.0)
-        total = fit.unseen.sum(axis=0) if unseen else fit.sums.left.sum(axis=0) * fit.scatter**2
+        total = fit.unseen.sum(axis=0) if unseen else (fit.sums.left * fit.scatter**2).sum(axis=0)
         return np.asarray(np.sqrt(np.maximum(total, 0.0) / n), dtype=np.float64)
 
     seen, unseen = ((rms(found.nominal, side), rms(found.best, side)) for side in (False, True))
@@ -340,7 +341,7 @@ def _untested(found: Search, each: Each) -> list[dict[str, str]]:
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
     slopes = searching.slopes_of(found, columns, each)
     heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
-    power: list[float] = np.einsum("kcp,c->p", slopes**2, heard).tolist()
+    power: list[float] = np.einsum("kcp,kc->p", slopes**2, heard[found.rows.block]).tolist()
     untested = []
     for effect in rows:
         own = [columns.index(i) for i in words.columns_of(effect.name)]

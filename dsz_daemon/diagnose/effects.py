@@ -296,7 +296,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The air pushes sideways with {rms_n:.0f} N (rms)",
         "m (v_y' + r v) = F_y + F_air, I_z r' = M_z + x F_air",
         CAR,
-        (Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf),),
+        (Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf), Parameter("leans", "1", 0.2, 0.0, 2.0, math.inf)),
     ),
 )
 

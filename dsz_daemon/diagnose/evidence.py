@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.comparison import FOLDS, Bools, Ints, Rows
+from dsz_daemon.diagnose.comparison import FOLDS, Bools, Ints, Rows, robust_std
 from dsz_daemon.diagnose.prediction import Floats
 
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
@@ -21,6 +21,10 @@ _TOLD_APART = 1e-10
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
 _ROUNDING = 1e-6
+# What is known of a block's scatter before it is seen, in independent rows: Student's degrees of freedom.
+PRIOR_ROWS = 4.0
+_SCALE_ROUNDS = 25
+_WINSOR = 4.0
 
 
 class Sums(NamedTuple):
@@ -40,8 +44,25 @@ class Box(NamedTuple):
     weight: Floats
 
 
+def scatter_of(rows: Rows, left: Floats, floor: Floats) -> Floats:
+    """The deviation (b, 13) of each block: that of the whole channel, as far as the block's own rows don't tell.
+
+    What a simulation leaves is no noise that is the same all the way: where it is wrong it is wrong by more, and says
+    less. With v degrees of freedom (Student's), s^2 = (v s_0^2 + sum of squares) / (v + rows), in independent rows.
+    """
+    whole = robust_std(rows, left, floor)
+    near = np.clip(left, -_WINSOR * whole, _WINSOR * whole)
+    per_row = correlated_rows(near, rows.used)
+    blocks = int(rows.block[-1]) + 1
+    power, count = np.zeros((blocks, left.shape[1])), np.zeros((blocks, left.shape[1]))
+    np.add.at(power, rows.block, np.where(rows.used, left, 0.0) ** 2)
+    np.add.at(count, rows.block, rows.used)
+    square = (PRIOR_ROWS * whole**2 + power / per_row) / (PRIOR_ROWS + count / per_row)
+    return np.sqrt(np.maximum(square, np.nan_to_num(floor) ** 2))
+
+
 def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats, bound: float = math.inf) -> Sums:
-    """The sums of residuals `left` (k, 13) and sensitivities `slopes` (k, 13, p), scaled by `std` (13,).
+    """The sums of residuals `left` (k, 13) and sensitivities `slopes` (k, 13, p), scaled by `std` (13,) or (b, 13).
 
     Beyond `bound` deviations a row pulls no harder than there (Huber).
     """
@@ -53,6 +74,7 @@ def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats, bound: float = m
         np.zeros((blocks, channels)),
         np.zeros((blocks, channels)),
     )
+    std = np.ascontiguousarray(np.broadcast_to(std, (blocks, channels)))
     _add_up(rows.block, rows.used, left, slopes, std, bound, *found)
     return found
 
@@ -73,13 +95,15 @@ def _add_up(
     """Adds each row to its block's sums; what a channel does not feel of a parameter costs nothing."""
     p = slopes.shape[2]
     for k in range(len(block)):
+        b = block[k]
         for c in range(left.shape[1]):
             if not used[k, c]:
                 continue
-            b, slope = block[k], slopes[k, c]
-            twice = 1.0 / std[c] ** 2
-            if abs(left[k, c]) > bound * std[c]:
-                twice *= bound * std[c] / abs(left[k, c])
+            slope = slopes[k, c]
+            deviation = std[b, c]
+            twice = 1.0 / deviation**2
+            if abs(left[k, c]) > bound * deviation:
+                twice *= bound * deviation / abs(left[k, c])
             once = left[k, c] * twice
             counts[b, c] += 1.0
             power[b, c] += once * left[k, c]
@@ -196,12 +220,27 @@ def gain(
     channel that is `quiet` (13,) already; it may lose. A sum of squares that is none (the car became unstable) gains
     -inf.
     """
-    n = count.sum(axis=0)
-    known = n > 0
-    coarse = n[known] * np.maximum(form[known] ** 2, 1e-24)
-    old, new = before.sum(axis=0)[known], after.sum(axis=0)[known]
+    known = count.sum(axis=0) > 0
+    before, after, rows = before[:, known], after[:, known], count[:, known]
     # A trial fit in which the car is unstable has sums that are no sums of squares.
+    old, new = before.sum(axis=0), after.sum(axis=0)
     if not (np.isfinite(new) & (new >= -_ROUNDING * old)).all():
         return -math.inf
-    each = 0.5 * n[known] / per_row[known] * np.log((old + coarse) / (np.maximum(new, 0.0) + coarse))
+    coarse, independent = rows * np.maximum(form[known] ** 2, 1e-24), rows / per_row[known]
+    each = _likelihood((np.maximum(after, 0.0) + coarse) / per_row[known], independent)
+    each -= _likelihood((np.maximum(before, 0.0) + coarse) / per_row[known], independent)
     return float(np.sum(each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)))
+
+
+def _likelihood(power: Floats, count: Floats) -> Floats:
+    """Log likelihood (c,) of blocks with these sums of squares and numbers of independent rows (b, c), at its best.
+
+    Each block scatters by itself about what its channel does: Student's distribution, with the scale that fits best.
+    """
+    whole = count.sum(axis=0)
+    square = np.maximum(power.sum(axis=0) / whole, 1e-30)
+    for _ in range(_SCALE_ROUNDS):
+        square = np.sum((PRIOR_ROWS + count) * power / (PRIOR_ROWS + power / square), axis=0) / whole
+        square = np.maximum(square, 1e-30)
+    far = 0.5 * (PRIOR_ROWS + count) * np.log1p(power / (PRIOR_ROWS * square))
+    return np.asarray(-np.sum(far, axis=0) - 0.5 * whole * np.log(square), dtype=np.float64)

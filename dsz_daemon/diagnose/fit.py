@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, floors, residual, robust_std, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, floors, residual, sensitivities
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
     COLUMNS,
@@ -21,7 +21,17 @@ from dsz_daemon.diagnose.effects import (
     TOLERATED,
     Parameter,
 )
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, held_out, held_out_kinds, inverse, solved, sums
+from dsz_daemon.diagnose.evidence import (
+    Box,
+    Sums,
+    correlated_rows,
+    held_out,
+    held_out_kinds,
+    inverse,
+    scatter_of,
+    solved,
+    sums,
+)
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -56,6 +66,7 @@ _FAR = 4.0
 class Fit(NamedTuple):
     """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns.
 
+    `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
     """
 
@@ -147,13 +158,14 @@ def fitted(
         for profile in OWN_CHANNEL:
             x[list(words.columns_of(profile))] = 0.0
         felt = Felt(drive, x, effects)
-    anew = felt if felt.is_tilted else None
+    felt = felt.leaning(x, felt(x))
     road = felt(x)
     base = predicted(drive, x, road)
     left = residual(rows, base)
-    scatter = robust_std(rows, left, floor)
+    scatter = scatter_of(rows, left, floor)
     for k in range(_ROUNDS):
         there = known.of(x, effects, columns) if known is not None and k == 0 else None
+        anew = felt if felt.is_tilted else None
         slopes = sensitivities(drive, rows, x, road, base, columns, anew, each) if there is None else there
         found = sums(rows, left, slopes, scatter, _FAR)
         box = box_of(words.columns, x, columns, tolerance)
@@ -173,12 +185,18 @@ def fitted(
             break
         gone = before - loss_of(trial_left, rows, scatter)
         x, road, base, left = trial, trial_road, trial_base, trial_left
-        new = robust_std(rows, left, floor)
-        quiet = gone < settled * (before + 500.0) and bool(np.all(np.abs(new / scatter - 1.0) < 0.05))
+        leaning = felt.leaning(x, road)
+        if leaning is not felt:
+            felt, road = leaning, leaning(x)
+            base = predicted(drive, x, road)
+            left = residual(rows, base)
+        new = scatter_of(rows, left, floor)
+        quiet = gone < settled * (before + 500.0) and float(np.mean(np.abs(new / scatter - 1.0), axis=0).max()) < 0.05
         scatter = new
         if quiet:
             break
     if known is None:
+        anew = felt if felt.is_tilted else None
         slopes = sensitivities(drive, rows, x, road, base, columns, anew, each)
     return _judged(drive, rows, tolerance, Slopes(x, effects, columns, slopes), base, left, scatter, road, felt)
 
@@ -206,7 +224,7 @@ def _judged(
     """What a model leaves on blocks that a fit has not seen, and how sure its parameters are."""
     words, (x, effects, columns, values) = drive.vocabulary, slopes
     found = sums(rows, left, values, scatter)
-    per_row = correlated_rows(left, rows.used)
+    per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = box_of(words.columns, x, columns, tolerance)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
@@ -244,20 +262,20 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
 def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
     """Half the sum of squares, beyond `_FAR` deviations as for a distance."""
     # A car that has become unstable is infinitely wrong, and that is all that counts.
-    z = np.nan_to_num(np.minimum(np.abs(left / scatter), 1e9), nan=1e9)
+    z = np.nan_to_num(np.minimum(np.abs(left / scatter[rows.block]), 1e9), nan=1e9)
     return float(np.sum(np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))[rows.used]))
 
 
 def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:
     """Covariance (p, p) by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
-    `steps` (13,), in the channels' scatter.
+    `steps` (b, 13), in the blocks' scatter.
     """
     bread = inverse(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
     lasting = np.maximum(power * per_row, steps**2 * _STEPS_LAST_ROWS)
-    meat = np.einsum("bcij,c->ij", found.squares, lasting)
+    meat = np.einsum("bcij,bc->ij", found.squares, lasting)
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread

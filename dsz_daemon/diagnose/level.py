@@ -21,7 +21,7 @@ _COLOURED = 2.0
 def level_of(found: Search) -> dict[str, float]:
     """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
     n = found.best.sums.counts.sum(axis=0)
-    rms = np.sqrt(found.best.sums.left.sum(axis=0) / np.maximum(n, 1.0)) * found.best.scatter
+    rms = np.sqrt((found.best.sums.left * found.best.scatter**2).sum(axis=0) / np.maximum(n, 1.0))
     expected = np.hypot(floors(found.drive), found.best.form)
     names = channel_names(found.drive)
     return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
@@ -49,6 +49,13 @@ def verdict(explained: bool, left: bool) -> str:
     return "explained" if explained else "consistent"
 
 
-def worst(level: Mapping[str, float], unexplained: Collection[str]) -> float:
-    """The level of the channel that is explained the least, 1 where all are."""
-    return max((level[name] for name in unexplained), default=1.0)
+def doubt(found: Search, unexplained: Collection[str]) -> float:
+    """What is left of the channel that is explained the least, over what may be, in its usual block: 1 or more.
+
+    The usual one, since blocks in which the simulation is wrong by more say less already.
+    """
+    names, expected = channel_names(found.drive), np.hypot(floors(found.drive), found.best.form)
+    channels = [names.index(name) for name in unexplained]
+    seen = found.best.sums.counts > 0
+    usual = [float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]) for c in channels]
+    return max([1.0, *usual])

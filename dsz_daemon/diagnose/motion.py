@@ -54,6 +54,7 @@ class CarModel(NamedTuple):
     pitch_damping: float
     sharpness: float
     wind_ahead_m: float
+    wind_leans: float
     steered_pull: float
     parallel_steer: float
     front_track_m: float
@@ -121,13 +122,14 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     side_n: Floats,
     bank_rad: Floats,
     grade_rad: Floats,
+    lean_mps2: Floats,
     dt_s: float,
 ) -> Floats:
     """Motion (n, 11) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
 
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
-    `front_mps` (n,) or (0,): what the front axle rolls, along its wheels, where that tells the speed; `v_mps` is then
-    what is near it, for its course between two steps.
+    `lean_mps2` (n,): what leans the body beside `AY`. `front_mps` (n,) or (0,): what the front axle rolls, along its
+    wheels, where that tells the speed; `v_mps` is then what is near it, for its course between two steps.
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
@@ -156,6 +158,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             ay, r_rate = r * v, (r - r_before) / dt_s
         outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
         uphill = G * math.sin(grade_rad[i])
+        # A body leans to what its tyres do: the road's tilt, and a wind at the C.G.'s height, pull at all of it alike.
+        pulled_mps2 = car.wind_leans * side_n[i] / car.mass_kg - G * math.sin(bank_rad[i])
         if car.load_height_m != 0.0:
             carried_mps2 += taken * (v_rate[i] - r * vy + uphill - carried_mps2)
             front_loaded, rear_loaded = _loaded(car, carried_mps2)
@@ -179,7 +183,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
         row[10] = v
         # The body on its springs, to the next row.
-        roll_rate += dt_s * (roll_spring * (car.roll_gradient * ay - roll) - roll_damper * roll_rate)
+        lean = car.roll_gradient * (ay - pulled_mps2 + lean_mps2[i])
+        roll_rate += dt_s * (roll_spring * (lean - roll) - roll_damper * roll_rate)
         roll += dt_s * roll_rate
         dive = -car.pitch_gradient * (v_rate[i] - r * vy)
         pitch_rate += dt_s * (pitch_spring * (dive - pitch) - pitch_damper * pitch_rate)

@@ -56,12 +56,16 @@ class Drive(NamedTuple):
 
 
 class Profiles(NamedTuple):
-    """What the road and the air do, on the recording's grid (n,): bank and grade (uphill) in rad, side force in N."""
+    """What the road and the air do, on the recording's grid (n,): bank and grade (uphill) in rad, side force in N.
+
+    `lean_mps2`: lateral acceleration that is in no simulation, and leans the body all the same.
+    """
 
     bank_rad: Floats
     grade_rad: Floats
     side_n: Floats
     grip: Floats
+    lean_mps2: Floats
 
 
 def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: Vocabulary = BUILT_IN) -> Drive:
@@ -97,7 +101,7 @@ def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:
 def flat(n: int) -> Profiles:
     """The nominal road and air."""
     nothing = np.zeros(n)
-    return Profiles(nothing, nothing, nothing, nothing)
+    return Profiles(nothing, nothing, nothing, nothing, nothing)
 
 
 def _bridged(values: Floats) -> Floats:
@@ -204,6 +208,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         motion.BODY_DAMPING + at("suspension_pitch.damping"),
         motion.SHARPNESS + at("tyre_saturation.sharpness") + at("low_friction.sharpness"),
         at("side_wind.ahead_m"),
+        at("side_wind.leans"),
         at("steered_pull"),
         at("parallel_steer"),
         front_track_m,
@@ -212,7 +217,8 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     )
     v_rate = np.gradient(v, DT_S)
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
-    m = moved(model, steer, v, v_rate, front_mps, road.grip, road.side_n, road.bank_rad, road.grade_rad, DT_S)
+    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2)
+    m = moved(model, steer, v, v_rate, front_mps, *there, DT_S)
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()
         v_rate = np.gradient(v, DT_S)

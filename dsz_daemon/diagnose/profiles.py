@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from copy import copy
 from typing import Any
 
 import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import FORM, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
 from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S, filtered
@@ -23,6 +26,10 @@ _ROAD_KERNEL /= _ROAD_KERNEL.sum()
 # A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
 _WIND_ROUNDS = 15
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
+_LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
+# A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
+_NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
+_MOST_MPS2 = 20.0
 
 
 class Felt:
@@ -30,19 +37,33 @@ class Felt:
 
     The wind is that of `start`. The road is felt anew for any parameters, since what turns the gyros' axes or scales
     them makes another road of the same readings; constant offsets stay those of `start`: corrections are the knots'.
+    What leans the body and is in no simulation is no road: see `leaning`.
     """
 
     def __init__(self, drive: Drive, start: Floats, effects: tuple[str, ...]) -> None:
         self._drive, self._start, self._effects = drive, start, effects
         self.is_tilted = bool(set(_TILTS) & set(effects))
         self.profiles = set(effects) & {*_TILTS, _WIND}
+        self._lean_mps2 = flat(len(drive.steer)).lean_mps2
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
             self._first = _with_wind(drive, start, self._first)
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
-        return self._tilted(self._first, x)
+        return self._tilted(self._first._replace(lean_mps2=self._lean_mps2), x)
+
+    def leaning(self, x: Floats, road: Profiles) -> Felt:
+        """The same with a body that leans to forces, too, that are in no simulation.
+
+        They are what the lateral accelerometer has left over for these parameters on this road, as far as that is more
+        than noise and form.
+        """
+        if x[_LEANS] == 0.0:
+            return self
+        found = copy(self)
+        found._lean_mps2 = _left_over(self._drive, x, road)
+        return found
 
     def _tilted(self, road: Profiles, x: Floats) -> Profiles:
         if not self.is_tilted:
@@ -57,11 +78,22 @@ class Felt:
 
 def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: bool) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down."""
-    level = flat(len(drive.steer))._replace(side_n=road.side_n)
+    level = flat(len(drive.steer))._replace(side_n=road.side_n, lean_mps2=road.lean_mps2)
     left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
     yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
     bank, slope = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
+
+
+def _left_over(drive: Drive, x: Floats, road: Profiles) -> Floats:
+    """Lateral acceleration (n,) that the simulation has not, as far as it is no noise and no matter of form."""
+    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    left = drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS]
+    left = np.where(rolling, np.clip(np.nan_to_num(left), -_MOST_MPS2, _MOST_MPS2), 0.0)
+    usual = np.hypot(np.nan_to_num(floors(drive)[_ACROSS]), FORM * float(np.nanstd(drive.measured[:, _ACROSS])))
+    rms = math.sqrt(float(np.sum(left**2)) / max(int(np.count_nonzero(rolling)), 1))
+    share = (rms / max(float(usual), 1e-9) - _NO_FORCE) / (_SURELY_A_FORCE - _NO_FORCE)
+    return np.asarray(min(max(share, 0.0), 1.0) * left)
 
 
 def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:

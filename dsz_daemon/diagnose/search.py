@@ -122,7 +122,8 @@ def searched(
             start[list(drive.vocabulary.columns_of(name))] = shape.value
             best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
-        if not tried or tried[0].gain < max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())):
+        tried = _enough_first(tried, max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())))
+        if not tried:
             break
         elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
@@ -224,6 +225,15 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
         return (0.8 if step.effect in OWN_CHANNEL else 1.0) * alike
 
     return sorted(tried, key=rank, reverse=True)
+
+
+def _enough_first(ranked: list[Step], enough: float) -> list[Step]:
+    """By rank, those that gain enough before the others; empty where none does.
+
+    The first by rank need not be the one that gains the most: what gains too little stands in nobody's way.
+    """
+    gaining = [step for step in ranked if step.gain >= enough]
+    return [*gaining, *(step for step in ranked if step.gain < enough)] if gaining else []
 
 
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,

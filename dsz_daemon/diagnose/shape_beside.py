@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Rows, floors, robust_std
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, inverse, solved, sums
+from dsz_daemon.diagnose.comparison import Bools, Rows, floors
+from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, inverse, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, library, unit_of
@@ -58,8 +58,9 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
         used = rows.used[:, c]
         if channel in there or np.count_nonzero(used) < LEAST_ROWS:
             continue
-        mine = np.where(used[:, np.newaxis], courses[rows.at], 0.0) / fit.scatter[c]
-        own, left = slopes[:, c] / fit.scatter[c], fit.left[:, c] / fit.scatter[c]
+        scatter = fit.scatter[rows.block, c]
+        mine = np.where(used[:, np.newaxis], courses[rows.at], 0.0) / scatter[:, np.newaxis]
+        own, left = slopes[:, c] / scatter[:, np.newaxis], fit.left[:, c] / scatter
         square, pull = np.zeros((blocks, len(names))), np.zeros((blocks, len(names)))
         cross = np.zeros((blocks, len(names), slopes.shape[2]))
         for b in range(blocks):
@@ -96,24 +97,25 @@ def _judged(
     cross[:, :, :p], cross[:, c, p] = model.cross, shape.pull
     low, high = np.append(box.low, -np.inf), np.append(box.high, np.inf)
     free = Box(low, high, np.append(box.weight, 0.0))
-    weight = np.ones(len(fit.scatter))
+    weight = np.ones_like(fit.scatter)
     for _ in range(_ROUNDS):
-        step = solved(np.einsum("bcij,c->ij", squares, weight), np.einsum("bci,c->i", cross, weight), free)
+        step = solved(np.einsum("bcij,bc->ij", squares, weight), np.einsum("bci,bc->i", cross, weight), free)
         left = fit.left - slopes @ step[:p]
         left[:, c] -= step[p] * shape.course[rows.at]
         left[~rows.used] = 0.0
         # What the shape explains was scatter: the channels that show it count for more now.
-        scatter = robust_std(rows, left, floors(drive))
+        scatter = scatter_of(rows, left, floors(drive))
         weight = (fit.scatter / scatter) ** 2
     # From there on: how a car is drawn is not what is judged.
     moved = cross - squares @ step
     power = model.left - np.einsum("bci,i->bc", cross + moved, step)
-    now = Sums(squares * weight[:, np.newaxis, np.newaxis], moved * weight[:, np.newaxis], power * weight, model.counts)
+    each = weight[:, :, np.newaxis]
+    now = Sums(squares * each[..., np.newaxis], moved * each, power * weight, model.counts)
     lasting = [place for place, i in enumerate(fit.columns) if i not in DRAWN]
     after = held_out(now, [*lasting, p], Box(low - step, high - step, free.weight)) * scatter**2
     coarse = model.counts.sum(axis=0)[c] * fit.form[c] ** 2
     share = 1.0 - float((after.sum(axis=0)[c] + coarse) / (fit.unseen.sum(axis=0)[c] + coarse))
-    per_row = correlated_rows(left, rows.used)
+    per_row = correlated_rows(left / scatter[rows.block], rows.used)
     gained = gain(fit.unseen, after, model.counts, per_row, fit.form, quiet) - CHOSEN_OF_MANY
     bread = inverse(now.squares.sum(axis=(0, 1)) + np.diag(np.maximum(free.weight, 1e-12)))
     std = float(np.sqrt(max(bread[p, p], 0.0) * per_row[c]))

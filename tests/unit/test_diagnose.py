@@ -16,7 +16,17 @@ from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.comparison import FOLDS, Rows
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, held_out_kinds, solved, sums
+from dsz_daemon.diagnose.evidence import (
+    Box,
+    Sums,
+    correlated_rows,
+    gain,
+    held_out,
+    held_out_kinds,
+    scatter_of,
+    solved,
+    sums,
+)
 from dsz_daemon.diagnose.fit import _covariance
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.samples_file import read_samples
@@ -331,11 +341,11 @@ def test_a_spread_is_that_of_whole_blocks() -> None:
     """Errors that are the same all through a block: sum of (25 c_b)^2 over the square of 500, by hand."""
     errors = np.random.default_rng(6).normal(size=20)
     found = one_slope(np.ones(500), np.repeat(errors, 25))
-    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros(13))
+    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros((20, 13)))
     assert variance == pytest.approx(float(np.sum((25.0 * errors) ** 2)) / 500.0**2)
     # White errors of the same size: their mean square over the rows; the blocks' sums say no more than that.
     found = one_slope(np.ones(500), np.tile([1.0, -1.0], 250))
-    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros(13))
+    [[variance]] = _covariance(found, np.ones(13), ONE, np.zeros((20, 13)))
     assert variance == pytest.approx(1.0 / 500.0)
 
 
@@ -356,6 +366,43 @@ def test_the_gain_is_a_log_likelihood_and_the_forms_coarseness_is_none() -> None
     assert gain(before, after, count, np.ones(1), np.zeros(1)) == pytest.approx(50.0 * np.log(4.0))
     assert gain(before, after, count, np.full(1, 2.0), np.zeros(1)) == pytest.approx(25.0 * np.log(4.0))
     assert gain(before, after, count, np.ones(1), np.full(1, 10.0)) == pytest.approx(50.0 * np.log(104.0 / 101.0))
+
+
+def test_a_block_that_is_far_off_does_not_hide_what_the_others_gain() -> None:
+    """Nine blocks come down from a mean square of 4 to 1 each, beside one of 10 000 that nothing changes."""
+    before, after, count = np.full((10, 1), 400.0), np.full((10, 1), 100.0), np.full((10, 1), 100.0)
+    before[3], after[3] = 1e6, 1e6
+    found = gain(before, after, count, np.ones(1), np.zeros(1))
+    assert found == pytest.approx(450.0 * np.log(4.0), rel=0.05)
+    # And what only that block gains counts by its logarithm, too: four times as many rows can't gain more than theirs.
+    assert (
+        gain(before, before * np.where(np.arange(10) == 3, 0.25, 1.0)[:, np.newaxis], count, np.ones(1), np.zeros(1))
+        < 75.0
+    )
+
+
+def test_a_block_scatters_by_itself_as_far_as_its_rows_tell() -> None:
+    """Four rows of the channel's own scatter, and the block's: (4 + n 9) / (4 + n) in the loud one."""
+    block, used = np.repeat(np.arange(10), 100), np.zeros((1000, 13), bool)
+    used[:, 0] = True
+    left = np.zeros((1000, 13))
+    left[:, 0] = np.random.default_rng(3).choice([-1.0, 1.0], 1000) * np.where(block == 4, 3.0, 1.0)
+    rows = Rows(np.arange(1000), used, block, np.zeros((1000, 13)), np.zeros(13))
+    found = scatter_of(rows, left, np.full(13, np.nan))[:, 0]
+    # The robust deviation of +-1 is 1.4826 of it.
+    whole = 1.4826**2
+    assert found[4] == pytest.approx(math.sqrt((4.0 * whole + 900.0) / 104.0), rel=0.01)
+    assert np.delete(found, 4) == pytest.approx(math.sqrt((4.0 * whole + 100.0) / 104.0), rel=0.01)
+    assert scatter_of(rows, left, np.full(13, 2.0))[:, 0].min() == 2.0
+
+
+def test_sums_are_in_the_scatter_of_their_block() -> None:
+    block, used = np.repeat([0, 1], 250), np.ones((500, 1), bool)
+    rows = Rows(np.arange(500), used, block, np.zeros((500, 13)), np.zeros(13))
+    found = sums(rows, np.full((500, 1), 6.0), np.full((500, 1, 1), 2.0), np.array([[1.0], [3.0]]))
+    assert found.left[:, 0].tolist() == pytest.approx([250 * 36.0, 250 * 4.0])
+    assert found.squares[:, 0, 0, 0].tolist() == pytest.approx([250 * 4.0, 250 * 4.0 / 9.0])
+    assert found.cross[:, 0, 0].tolist() == pytest.approx([250 * 12.0, 250 * 12.0 / 9.0])
 
 
 @pytest.mark.filterwarnings("error")

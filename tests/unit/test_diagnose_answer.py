@@ -103,7 +103,7 @@ def test_the_level_is_what_is_left_over_noise_and_coarseness(monkeypatch: pytest
     counts[:, 3], left[:, 3] = 50.0, 200.0  # twice the scatter of 0.1: 0.2
     monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
     fit = SimpleNamespace(
-        sums=SimpleNamespace(counts=counts, left=left), scatter=np.full(13, 0.1), form=np.full(13, 0.04)
+        sums=SimpleNamespace(counts=counts, left=left), scatter=np.full((2, 13), 0.1), form=np.full(13, 0.04)
     )
     search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
     assert level.level_of(search) == {"accel_x": pytest.approx(0.2 / 0.05)}
@@ -208,11 +208,20 @@ def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.
         assert [error.parameter for error in answer._parameter_errors(search, map)] == expected
 
 
-def test_the_worst_channel_is_that_which_is_explained_the_least() -> None:
-    levels = {"accel_x": 1.2, "accel_y": 9.0, "gyro_z": 4.0}
-    assert level.worst(levels, []) == 1.0
-    assert level.worst(levels, ["gyro_z"]) == 4.0
-    assert level.worst(levels, ["gyro_z", "accel_y"]) == 9.0
+def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One block that is far off is no doubt of the others; one without any row is none at all."""
+    scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
+    scatter[:, 4] = [0.2, 9.0, 0.45, 0.45]
+    scatter[:, 2], counts[0, 2] = [7.0, 0.2, 0.2, 0.2], 0.0
+    monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
+    fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
+    search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
+    assert level.doubt(search, []) == 1.0
+    assert level.doubt(search, ["accel_x"]) == 1.0
+    assert level.doubt(search, ["gyro_z"]) == pytest.approx(4.0)
+    assert level.doubt(search, ["gyro_z", "accel_y"]) == pytest.approx(9.0)
 
 
 def test_where_a_channel_is_not_explained_more_has_to_be_gained_and_spreads_are_larger(

@@ -14,7 +14,9 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
-NOMINAL = CarModel(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0, *BODY, *BODY, motion.SHARPNESS, 0.0, 0.0, 0.0, TRACK, 0.0, 0.0)
+NOMINAL = CarModel(
+    *(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0), *BODY, *BODY, *(motion.SHARPNESS, 0.0, 0.0, 0.0, 0.0, TRACK, 0.0, 0.0)
+)
 DT_S = 0.01
 T = DT_S * np.arange(1000)
 NONE = np.zeros(len(T))
@@ -29,6 +31,7 @@ def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) ->
         "side_n": NONE,
         "bank_rad": NONE,
         "grade_rad": NONE,
+        "lean_mps2": NONE,
     } | changed
     return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
 
@@ -104,6 +107,26 @@ def test_the_body_leans_out_of_the_turn_and_dives_under_braking() -> None:
     row = driven(car, 15.0, np.full(len(T), 0.01), v_rate=np.full(len(T), -3.0))[-1]
     assert row[motion.ROLL] == pytest.approx(0.01 * row[motion.AY], rel=1e-3)
     assert row[motion.PITCH] == pytest.approx(0.005 * (3.0 + row[motion.R] * row[motion.VY]), rel=1e-3)
+
+
+def test_a_body_leans_to_what_its_tyres_do() -> None:
+    """Gravity on a tilted road, and a wind at the C.G.'s height, pull at all of the car alike."""
+    car, bank, force_n = NOMINAL._replace(roll_gradient=0.01), 0.05, -M * G * math.sin(0.05)
+    tilted = driven(car, 20.0, NONE, bank_rad=np.full(len(T), bank))[-1]
+    assert tilted[motion.ROLL] == pytest.approx(0.01 * (tilted[motion.AY] + G * math.sin(bank)), rel=1e-3)
+    for leans in (0.0, 1.0, 0.5):
+        blown = driven(car._replace(wind_leans=leans), 20.0, NONE, side_n=np.full(len(T), force_n))[-1]
+        assert blown[motion.ROLL] == pytest.approx(0.01 * (blown[motion.AY] - leans * force_n / M), rel=1e-3)
+    # On the same tilt the tyres carry the same.
+    at_cg = driven(car._replace(wind_leans=1.0), 20.0, NONE, side_n=np.full(len(T), force_n))[-1]
+    assert at_cg[motion.ROLL] == pytest.approx(tilted[motion.ROLL])
+
+
+def test_a_body_leans_to_what_is_in_no_simulation() -> None:
+    car, steer = NOMINAL._replace(roll_gradient=0.01), np.full(len(T), 0.01)
+    row = driven(car, 15.0, steer, lean_mps2=np.full(len(T), 1.5))[-1]
+    assert row[motion.ROLL] == pytest.approx(0.01 * (row[motion.AY] + 1.5), rel=1e-3)
+    assert row[motion.AY] == driven(car, 15.0, steer)[-1, motion.AY]
 
 
 def test_wind_ahead_of_the_cg_turns_the_car() -> None:

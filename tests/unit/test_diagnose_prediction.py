@@ -217,6 +217,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "ahead_m",
                 "front_brakes_more",
                 "sharpness",
+                "leans",
             }
             # A stretch needs all of its parameters: it has a test of its own.
             silent |= effect.name == "low_friction"

@@ -10,12 +10,14 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.search import _feels, _screened, _without_trifles, gained
+from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.search import Step, _enough_first, _feels, _screened, _without_trifles, gained
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 
@@ -37,6 +39,39 @@ def test_wind_blows_all_the_way() -> None:
     stops = drive({}, np.where((T % 5.0) < 3.0, CITY_V, 0.0), CITY_STEER)
     lulls = np.where(T < 40.0, np.where((T % 5.0) < 3.0, 10.0, 1000.0), np.where((T % 5.0) < 3.0, 300.0, 0.0))
     assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
+
+
+def leaning_drive(gusts_n: np.ndarray) -> tuple[Drive, np.ndarray]:
+    """A car with a body on springs, pushed by tyres that nobody simulates: it leans as to any of their forces."""
+    x = nothing()
+    x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.01
+    one = drive({}, CITY_V, CITY_STEER)
+    noise = one.measured - predicted(one, nothing(), flat(N))
+    return one._replace(measured=predicted(one, x, flat(N)._replace(side_n=gusts_n)) + noise), x
+
+
+def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not() -> None:
+    gusts_n = 6000.0 * np.sin(2.0 * np.pi * T / 5.0)
+    one, x = leaning_drive(gusts_n)
+    felt = Felt(one, x, ("suspension_roll", "road_bank"))
+    for _ in range(3):
+        felt = felt.leaning(x, felt(x)._replace(bank_rad=np.zeros(N)))
+    there, without = felt(x), Felt(one, x, ("suspension_roll", "road_bank"))(x)
+    middle = slice(500, N - 500)
+    assert np.std(there.bank_rad[middle]) < 0.3 * np.std(without.bank_rad[middle])
+    # What the accelerometer has left over is the force, but for what the tyres answer; it leans the body as it is.
+    left = one.measured[:, 4] - predicted(one, x, there._replace(bank_rad=np.zeros(N)))[:, 4]
+    assert np.corrcoef(there.lean_mps2[middle], left[middle])[0, 1] > 0.98
+
+
+def test_what_noise_and_form_leave_leans_nobody() -> None:
+    one, x = leaning_drive(np.zeros(N))
+    felt = Felt(one, x, ("suspension_roll",))
+    assert not felt.leaning(x, felt(x))(x).lean_mps2.any()
+    # Nor does a body lean that is on no springs.
+    pushed, _ = leaning_drive(1500.0 * np.sin(2.0 * np.pi * T / 5.0))
+    felt = Felt(pushed, nothing(), ())
+    assert felt.leaning(nothing(), felt(nothing())) is felt
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])
@@ -71,6 +106,15 @@ def test_what_a_linear_step_brings_little_of_waits_for_its_turn() -> None:
     assert names[0] == "wheel_radius"
     assert "imu_delay" not in names
     assert len(names) < 7
+
+
+def test_what_gains_too_little_stands_in_nobodys_way() -> None:
+    """By rank the first, which gains less than what is asked for: the next one's turn."""
+    none: Any = None
+    ranked = [Step("first", 89.0, none), Step("second", 169.0, none), Step("third", 163.0, none)]
+    assert [step.effect for step in _enough_first(ranked, 122.0)] == ["second", "third", "first"]
+    assert [step.effect for step in _enough_first(ranked, 50.0)] == ["first", "second", "third"]
+    assert _enough_first(ranked, 170.0) == []
 
 
 def test_what_came_early_has_to_gain_its_share_of_all_in_the_end() -> None:
