@@ -31,6 +31,8 @@ STILL_MPS = 0.05
 FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
+# m/s^2: no accelerometer is so still.
+_STILL_MPS2, _UPRIGHT = 1e-5, 5
 # What makes another road of what the roll and pitch gyros show.
 _TURN_THE_GYROS = frozenset(
     {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
@@ -81,6 +83,8 @@ def rows_of(drive: Drive) -> Rows:
     inputs = np.column_stack([drive.recording.road_wheel_angle_rad, drive.recording.wheels_mps])
     given = np.isfinite(np.sum(inputs, axis=1))[at]
     used[~given & ~standing[at]] = False
+    if _stands_at_the_limit(measured, used):
+        used[:, _UPRIGHT] = False
     form = np.full(len(CHANNELS), WHEEL_FORM * float(np.sqrt(np.mean(speed**2))))
     for c in (*range(6), *range(10, len(CHANNELS))):
         mine = measured[used[:, c], c]
@@ -100,6 +104,17 @@ def rows_of(drive: Drive) -> Rows:
     together, piece = _together(drive, at, used, block), drive.recording.piece
     own = piece[at] if piece is not None and piece[-1] > 0 else None
     return Rows(at, used, block, np.where(used, measured, 0.0), form, together, steps, own)
+
+
+def _stands_at_the_limit(measured: Floats, used: Bools) -> bool:
+    """Whether gravity alone is beyond the limit of a vertical accelerometer that reaches no further than the others.
+
+    It shows one number all the way, which any simulation that clips there matches to the last digit.
+    """
+    upright, level = measured[used[:, _UPRIGHT], _UPRIGHT], measured[:, _UPRIGHT - 2 : _UPRIGHT]
+    if not len(upright) or not np.isfinite(level).any():
+        return False
+    return bool(np.ptp(upright) < _STILL_MPS2 and abs(upright[0]) < 1.05 * np.nanmax(np.abs(level)))
 
 
 def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:

@@ -22,7 +22,7 @@ _TOLD_APART = 1e-10
 _LEFT_OPEN = 4.0
 _ROUNDING = 1e-6
 # What is known of a block's scatter before it is seen, in independent rows: Student's degrees of freedom.
-PRIOR_ROWS = 4.0
+PRIOR_ROWS = 12.0
 _SCALE_ROUNDS = 25
 _WINSOR = 4.0
 

@@ -133,8 +133,9 @@ def searched(
         best = _without_idle(drive, rows, best, tolerance, gains, each)
         # Beside others an effect may want to be what it can't be: then it was something else.
         wrong = {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
+        # Beside what came in now another that had to go may be what it can be.
+        refused = wrong
         if wrong:
-            refused |= wrong
             best = _without(drive, rows, best, tolerance, wrong, each)
         gains = {effect: gains[effect] for effect in best.effects}
     best = _without_trifles(drive, rows, best, tolerance, gains, each)

@@ -71,6 +71,23 @@ def test_a_clipped_sensor_is_guessed_at_its_furthest_reading() -> None:
     assert start[INDEX["sensor_saturation.gyro_limit_radps"]] == 0.0
 
 
+def test_an_accelerometer_that_gravity_holds_at_its_limit_judges_nothing() -> None:
+    def clipped(one: Drive) -> None:
+        np.clip(one.measured[:, 3:6], -1.5, 1.5, out=one.measured[:, 3:6])
+
+    held = drive({}, CITY_V, CITY_STEER, change=clipped)
+    assert np.ptp(held.measured[:, 5]) == 0.0
+    used = rows_of(held).used
+    assert not used[:, 5].any()
+    assert used[:, 3].any() and used[:, 4].any()
+
+    def dead(one: Drive) -> None:
+        one.measured[:, 5] = 9.81
+
+    # One that is dead, and reads more than its neighbours ever do, is compared: it is not explained by any limit.
+    assert rows_of(drive({}, CITY_V, CITY_STEER, change=dead)).used[:, 5].any()
+
+
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
