@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import OF_ITSELF, Fit
+from dsz_daemon.diagnose.fit import OF_ITSELF, OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
@@ -35,6 +35,8 @@ _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 # Counted in sealed trials (`dsz prove`, seed 2026): of causes that gained less one in five was true; and how often one
 # was true by what it gained, in log likelihood. The model has not all that a car is.
 _TOLD_GAIN, _EVEN_ODDS_GAIN = 20.0, 30.0
+# So many times more for what has no formula, and fits nearly anything.
+_PROFILE = 2.0
 # Of a factor that all wheels share: a drive that tells it no better does not tell it.
 _UNTOLD_FACTOR = 0.005
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
@@ -132,7 +134,8 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         for name, (value, std) in values.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    if (named and not any(named)) or found.gains[effect] < _TOLD_GAIN * left:
+    enough = _TOLD_GAIN * left * (_PROFILE if effect in OWN_CHANNEL else 1.0)
+    if (named and not any(named)) or found.gains[effect] < enough:
         return None
     units = {p.name: p.unit for p in described.parameters}
     values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}

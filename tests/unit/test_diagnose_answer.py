@@ -232,10 +232,10 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained_and_spreads_are_
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
 
-    def told(gain: float, left: float) -> Any:
+    def told(gain: float, left: float, effect: str = "gyro_scale") -> Any:
         drive = SimpleNamespace(vocabulary=BUILT_IN)
-        search: Any = SimpleNamespace(drive=drive, best=None, gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}})
-        return answer._cause(search, "gyro_scale", left)
+        search: Any = SimpleNamespace(drive=drive, best=None, gains={effect: gain}, elsewhere={effect: {}})
+        return answer._cause(search, effect, left)
 
     assert told(19.0, 1.0) is None
     assert told(21.0, 1.0).parameters["x"] == Value(0.1, 0.03, "1")
@@ -244,6 +244,10 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained_and_spreads_are_
     # 0.1 is two of its spreads of the fit, but not of those that are told.
     assert told(90.0, 4.0) is None
     assert told(101.0, 4.0) is not None
+    # What has no formula fits nearly anything.
+    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_rad": (0.02, None)})
+    assert told(79.0, 2.0, "road_bank") is None
+    assert told(81.0, 2.0, "road_bank") is not None
 
 
 def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeypatch: pytest.MonkeyPatch) -> None:
