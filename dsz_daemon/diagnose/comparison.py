@@ -32,7 +32,7 @@ FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
 # m/s^2: no accelerometer is so still.
-_STILL_MPS2, _UPRIGHT = 1e-5, 5
+_STILL_MPS2, _UPRIGHT, _AT_LIMIT = 1e-5, 5, 0.05
 # What makes another road of what the roll and pitch gyros show.
 _TURN_THE_GYROS = frozenset(
     {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
@@ -107,14 +107,16 @@ def rows_of(drive: Drive) -> Rows:
 
 
 def _stands_at_the_limit(measured: Floats, used: Bools) -> bool:
-    """Whether gravity alone is beyond the limit of a vertical accelerometer that reaches no further than the others.
+    """Whether gravity alone is beyond the limit of a vertical accelerometer that reaches just as far as the others do.
 
-    It shows one number all the way, which any simulation that clips there matches to the last digit.
+    It shows one number all the way, which any simulation that clips there matches to the last digit. One that is dead
+    shows another, and is compared.
     """
     upright, level = measured[used[:, _UPRIGHT], _UPRIGHT], measured[:, _UPRIGHT - 2 : _UPRIGHT]
     if not len(upright) or not np.isfinite(level).any():
         return False
-    return bool(np.ptp(upright) < _STILL_MPS2 and abs(upright[0]) < 1.05 * np.nanmax(np.abs(level)))
+    furthest = float(np.nanmax(np.abs(level)))
+    return bool(np.ptp(upright) < _STILL_MPS2 and abs(abs(upright[0]) - furthest) < _AT_LIMIT * furthest)
 
 
 def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:

@@ -22,7 +22,7 @@ _TOLD_APART = 1e-10
 _LEFT_OPEN = 4.0
 _ROUNDING = 1e-6
 # What is known of a block's scatter before it is seen, in independent rows: Student's degrees of freedom.
-PRIOR_ROWS = 12.0
+_PRIOR_ROWS = 12.0
 _SCALE_ROUNDS = 25
 _WINSOR = 4.0
 
@@ -57,7 +57,7 @@ def scatter_of(rows: Rows, left: Floats, floor: Floats) -> Floats:
     power, count = np.zeros((blocks, left.shape[1])), np.zeros((blocks, left.shape[1]))
     np.add.at(power, rows.block, np.where(rows.used, left, 0.0) ** 2)
     np.add.at(count, rows.block, rows.used)
-    square = (PRIOR_ROWS * whole**2 + power / per_row) / (PRIOR_ROWS + count / per_row)
+    square = (_PRIOR_ROWS * whole**2 + power / per_row) / (_PRIOR_ROWS + count / per_row)
     return np.sqrt(np.maximum(square, np.nan_to_num(floor) ** 2))
 
 
@@ -240,7 +240,7 @@ def _likelihood(power: Floats, count: Floats) -> Floats:
     whole = count.sum(axis=0)
     square = np.maximum(power.sum(axis=0) / whole, 1e-30)
     for _ in range(_SCALE_ROUNDS):
-        square = np.sum((PRIOR_ROWS + count) * power / (PRIOR_ROWS + power / square), axis=0) / whole
+        square = np.sum((_PRIOR_ROWS + count) * power / (_PRIOR_ROWS + power / square), axis=0) / whole
         square = np.maximum(square, 1e-30)
-    far = 0.5 * (PRIOR_ROWS + count) * np.log1p(power / (PRIOR_ROWS * square))
+    far = 0.5 * (_PRIOR_ROWS + count) * np.log1p(power / (_PRIOR_ROWS * square))
     return np.asarray(-np.sum(far, axis=0) - 0.5 * whole * np.log(square), dtype=np.float64)

@@ -87,6 +87,8 @@ def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: boo
 
 def _left_over(drive: Drive, x: Floats, road: Profiles) -> Floats:
     """Lateral acceleration (n,) that the simulation has not, as far as it is no noise and no matter of form."""
+    if not np.isfinite(drive.measured[:, _ACROSS]).any():
+        return flat(len(drive.steer)).lean_mps2
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
     left = drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS]
     left = np.where(rolling, np.clip(np.nan_to_num(left), -_MOST_MPS2, _MOST_MPS2), 0.0)

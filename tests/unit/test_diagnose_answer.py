@@ -214,7 +214,7 @@ def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least
     """One block that is far off is no doubt of the others; one without any row is none at all."""
     scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
     scatter[:, 4] = [0.2, 9.0, 0.45, 0.45]
-    scatter[:, 2], counts[0, 2] = [7.0, 0.2, 0.2, 0.2], 0.0
+    scatter[:, 2], counts[0, 2] = [7.0, 0.2, 0.2, 0.6], 0.0
     monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
     fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
     search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))

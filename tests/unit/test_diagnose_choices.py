@@ -82,11 +82,42 @@ def test_an_accelerometer_that_gravity_holds_at_its_limit_judges_nothing() -> No
     assert used[:, 3].any()
     assert used[:, 4].any()
 
-    def dead(one: Drive) -> None:
-        one.measured[:, 5] = 9.81
+    # One that is dead is compared, whatever it reads: no limit of its neighbours explains it.
+    for reading in (0.0, 0.5, 9.81):
 
-    # One that is dead, and reads more than its neighbours ever do, is compared: it is not explained by any limit.
-    assert rows_of(drive({}, CITY_V, CITY_STEER, change=dead)).used[:, 5].any()
+        def dead(one: Drive, reading: float = reading) -> None:
+            one.measured[:, 5] = reading
+
+        assert rows_of(drive({}, CITY_V, CITY_STEER, change=dead)).used[:, 5].any()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_body_that_leans_is_found_by_a_gyro_alone() -> None:
+    """Without a lateral accelerometer nothing is known of forces that are in no simulation."""
+
+    def without(one: Drive) -> None:
+        one.measured[:, 4] = np.nan
+
+    leans = {"suspension_roll.roll_gradient_rad_per_mps2": 0.01}
+    search = found(drive(leans, CITY_V, CITY_STEER, change=without))
+    assert search.best.effects == ("suspension_roll",)
+    assert search.best.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] == pytest.approx(0.01, rel=0.05)
+
+
+def test_what_had_to_go_may_come_back_beside_what_came_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first that is named can't be what it is, until another is beside it."""
+    looked: list[tuple[str, ...]] = []
+
+    def is_implausible_at_first(_drive: Drive, _rows: Any, fit: Any, effect: str) -> bool:
+        if effect != "wheel_radius" or len(fit.effects) > 1:
+            return False
+        looked.append(fit.effects)
+        return len(looked) == 2
+
+    monkeypatch.setattr("dsz_daemon.diagnose.search.is_implausible", is_implausible_at_first)
+    search = found(drive({"wheel_radius.rl": -0.01, "gyro_scale.y": 0.0, "accel_scale.y": 0.05}, CITY_V, CITY_STEER))
+    assert len(looked) > 1
+    assert {"wheel_radius", "accel_scale"} <= set(search.best.effects)
 
 
 def test_nothing_is_guessed_where_nothing_is_left() -> None:

@@ -1,0 +1,122 @@
+"""diagnose: a block that scatters more than others says less, wherever rows are weighed."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
+
+from dsz_daemon.diagnose import answer, shape_beside
+from dsz_daemon.diagnose import fit as fit_module
+from dsz_daemon.diagnose.comparison import Rows, rows_of
+from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
+from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, sums
+from dsz_daemon.diagnose.fit import _covariance, fitted, loss_of
+from dsz_daemon.diagnose.prediction import Drive, nothing
+from dsz_daemon.diagnose.search import _screened
+
+
+def some_rows(block: np.ndarray, channels: int = 13) -> Rows:
+    """All of one channel of thirteen."""
+    used = np.zeros((len(block), channels), dtype=np.bool_)
+    used[:, 0] = True
+    return Rows(np.arange(len(block)), used, block, np.zeros((len(block), channels)), np.zeros(channels))
+
+
+def bumped(one: Drive) -> None:
+    """For five seconds something that stays for 0.3 s is in the vertical acceleration, and nowhere else."""
+    signs = np.random.default_rng(4).choice([-1.0, 1.0], 20)[np.clip((T - 30.0) / 0.3, 0.0, 19.0).astype(int)]
+    one.measured[:, 5] += np.where((T > 30.0) & (T < 35.0), 0.5 * signs, 0.0)
+
+
+def test_rows_that_hang_together_tell_less_of_a_blocks_scatter() -> None:
+    """Each value stays for five rows, which count as one: 12 rows of the channel's, 40 of the block's own."""
+    rng, block = np.random.default_rng(8), np.repeat(np.arange(40), 200)
+    loud = np.where(block == 7, 3.0, 1.0)
+    left = np.zeros((len(block), 13))
+    left[:, 0] = np.repeat(rng.choice([-1.0, 1.0], len(block) // 5), 5) * loud
+    std = scatter_of(some_rows(block), left, np.full(13, np.nan))[7, 0]
+    assert std == pytest.approx(math.sqrt((12.0 * 1.4826**2 + 40.0 * 9.0) / 52.0), rel=0.02)
+
+
+def test_a_loss_is_in_the_scatter_of_its_block() -> None:
+    rows, left = some_rows(np.repeat([0, 1], 50)), np.zeros((100, 13))
+    left[:, 0] = 6.0
+    scatter = np.ones((2, 13))
+    scatter[:, 0] = [3.0, 1.0]
+    # Two deviations are half a square each, six are a distance beyond four.
+    assert loss_of(left, rows, scatter) == pytest.approx(50 * 2.0 + 50 * 4.0 * (6.0 - 2.0))
+
+
+def test_the_steerings_steps_last_in_the_scatter_of_each_block() -> None:
+    """250 rows that are off by the same: a variance of 250 (d / s)^2 over the sum of squares, block by block."""
+    block = np.repeat(np.arange(20), 25)
+    table, left = np.zeros((500, 13, 1)), np.zeros((500, 13))
+    table[:, 0, 0], left[:, 0] = 1.0, np.tile([1.0, -1.0], 250)
+    weighed = sums(some_rows(block), left, table, np.ones(13))
+    steps = np.zeros((20, 13))
+    steps[:, 0] = np.where(np.arange(20) < 10, 2.0, 3.0)
+    [[variance]] = _covariance(weighed, np.ones(13), Box(*np.array([[-1e6], [1e6], [1e-9]])), steps)
+    assert variance == pytest.approx((250.0 * 250.0 * 4.0 + 250.0 * 250.0 * 9.0) / 500.0**2)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """What is looked at to tell how many rows count as one: by fits, and by shapes beside them."""
+    heard: list[np.ndarray] = []
+
+    def hearing(left: np.ndarray, used: np.ndarray) -> np.ndarray:
+        heard.append(left)
+        return correlated_rows(left, used)
+
+    monkeypatch.setattr(fit_module, "correlated_rows", hearing)
+    monkeypatch.setattr(shape_beside, "correlated_rows", hearing)
+    return heard
+
+
+def test_how_many_rows_count_as_one_is_told_in_the_scatter_of_their_blocks(counted: list[np.ndarray]) -> None:
+    one = drive({}, CITY_V, CITY_STEER, change=bumped)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    assert len(counted) == 1
+    np.testing.assert_allclose(counted[0], fit.left / fit.scatter[rows.block])
+    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    counted.clear()
+    shape_beside.shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
+    assert counted
+    for left in counted:
+        # In m/s^2 it is 0.09.
+        assert 0.4 < np.sqrt(np.mean(left[rows.used[:, 5], 5] ** 2)) < 2.0
+
+
+def test_the_fit_that_is_told_is_what_is_left_whatever_weighed_it() -> None:
+    search = found(drive({"accel_scale.y": 0.05}, CITY_V, CITY_STEER, change=bumped))
+    told = answer._fit(search)
+    for c, channel in ((4, "accel_y"), (5, "accel_z")):
+        used = search.rows.used[:, c]
+        for fit, side in ((search.nominal, told[channel].train.before), (search.best, told[channel].train.after)):
+            assert side == pytest.approx(float(np.sqrt(np.mean(fit.left[used, c] ** 2))), rel=1e-6)
+
+
+@pytest.mark.parametrize(("calm", "is_tested"), [(1, True), (0, False)])
+def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatch, calm: int, is_tested: bool) -> None:
+    """A yaw gyro's scale that shows in the second block, which is the calm one or the loud one."""
+    rows = some_rows(np.repeat([0, 1], 50))
+    scatter = np.full((2, 13), 1e3)
+    scatter[calm] = 1e-3
+
+    def slopes_of(_: Any, columns: list[int], _each: Any) -> np.ndarray:
+        slopes = np.zeros((100, 13, len(columns)))
+        slopes[50:, 2, columns.index(INDEX["gyro_scale.z"])] = 1.0
+        return slopes
+
+    monkeypatch.setattr(answer.searching, "slopes_of", slopes_of)
+    best = SimpleNamespace(effects=(), scatter=scatter, per_row=np.ones(13))
+    search: Any = SimpleNamespace(drive=SimpleNamespace(vocabulary=BUILT_IN), rows=rows, best=best)
+    untested = {one["effect"] for one in answer._untested(search, map)}
+    assert ("gyro_scale" not in untested) is is_tested
+    assert "accel_scale" in untested
