@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.optimize import lsq_linear
 
 from dsz_daemon.compiled import compiled
@@ -55,10 +56,18 @@ def scatter_of(rows: Rows, left: Floats, floor: Floats) -> Floats:
     per_row = correlated_rows(near, rows.used)
     blocks = int(rows.block[-1]) + 1
     power, count = np.zeros((blocks, left.shape[1])), np.zeros((blocks, left.shape[1]))
-    np.add.at(power, rows.block, np.where(rows.used, left, 0.0) ** 2)
-    np.add.at(count, rows.block, rows.used)
+    _add_squares(rows.block, rows.used, left, power, count)
     square = (_PRIOR_ROWS * whole**2 + power / per_row) / (_PRIOR_ROWS + count / per_row)
     return np.sqrt(np.maximum(square, np.nan_to_num(floor) ** 2))
+
+
+@compiled
+def _add_squares(block: Ints, used: Bools, left: Floats, power: Floats, count: Floats) -> None:
+    for k in range(len(block)):
+        for c in range(left.shape[1]):
+            if used[k, c]:
+                power[block[k], c] += left[k, c] ** 2
+                count[block[k], c] += 1.0
 
 
 def sums(rows: Rows, left: Floats, slopes: Floats, std: Floats, bound: float = math.inf) -> Sums:
@@ -198,11 +207,12 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
 def correlated_rows(left: Floats, used: Bools) -> Floats:
     """How many rows of each channel (13,) tell as much as one that is independent of the others."""
     found = np.ones(left.shape[1])
-    for c in range(left.shape[1]):
+    for c in np.flatnonzero(used.any(axis=0)):
         mine = np.where(used[:, c], left[:, c], 0.0)
-        n = len(mine)
-        power = np.abs(np.fft.rfft(mine, 2 * n)) ** 2
-        lags = np.fft.irfft(power)[: min(n, _CORRELATED_FOR_ROWS)]
+        # Filled up with zeros, so that no end meets the beginning within these lags.
+        reach = min(len(mine), _CORRELATED_FOR_ROWS)
+        n = next_fast_len(len(mine) + reach, real=True)
+        lags = np.fft.irfft(np.abs(np.fft.rfft(mine, n)) ** 2, n)[:reach]
         if lags[0] <= 0.0:
             continue
         ratio = lags[1:] / lags[0]

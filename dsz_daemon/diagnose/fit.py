@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, floors, residual, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, floors, sensitivities
+from dsz_daemon.diagnose.descent import Place, Slope, descended
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
     COLUMNS,
@@ -28,8 +28,6 @@ from dsz_daemon.diagnose.evidence import (
     held_out,
     held_out_kinds,
     inverse,
-    scatter_of,
-    solved,
     sums,
 )
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
@@ -58,9 +56,6 @@ _INSTEAD_OF = {
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
-_ROUNDS = 12
-# Deviations; what is further off was something else.
-_FAR = 4.0
 
 
 class Fit(NamedTuple):
@@ -81,9 +76,9 @@ class Fit(NamedTuple):
     unseen: Floats
     road: Profiles
     form: Floats
-    together: Mapping[str, Floats] = MappingProxyType({})
-    felt: Felt | None = None
-    covariance: Floats | None = None
+    together: Mapping[str, Floats]
+    felt: Felt
+    covariance: Floats
 
 
 class Slopes(NamedTuple):
@@ -132,13 +127,15 @@ def fitted(
     each: Each = map,
     known: Slopes | None = None,
     felt: Felt | None = None,
+    is_hopeless: Callable[[Fit], bool] | None = None,
 ) -> Fit:
     """Gauss-Newton in the box, over offsets, stiffnesses and the effects' parameters.
 
     Until a step takes no more than this share off what is left. What candidates are compared with has to be settled
     better than these: else they gain what it has left undone. With slopes that are `known` where it starts, the fit is
     judged by those of its last step: `exactly` does so by its own. `felt`: the road of the model that it starts from;
-    where it has more of a road, or less, that is felt from the start on.
+    where it has more of a road, or less, that is felt from the start on. What `is_hopeless` after some rounds is left
+    there.
     """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
@@ -148,7 +145,7 @@ def fitted(
         *first,
         *(i for e in effects for i in words.columns_of(e) if e not in GUESSED or start[i] != 0.0),
     )
-    floor = floors(drive)
+    sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
@@ -158,71 +155,35 @@ def fitted(
         for profile in OWN_CHANNEL:
             x[list(words.columns_of(profile))] = 0.0
         felt = Felt(drive, x, effects)
-    felt = felt.leaning(x, felt(x))
-    road = felt(x)
-    base = predicted(drive, x, road)
-    left = residual(rows, base)
-    scatter = scatter_of(rows, left, floor)
-    for k in range(_ROUNDS):
-        there = known.of(x, effects, columns) if known is not None and k == 0 else None
-        anew = felt if felt.is_tilted else None
-        slopes = sensitivities(drive, rows, x, road, base, columns, anew, each) if there is None else there
-        found = sums(rows, left, slopes, scatter, _FAR)
-        box = box_of(words.columns, x, columns, tolerance)
-        step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), box)
-        before = loss_of(left, rows, scatter)
-        share = 1.0
-        while share > 0.05:
-            trial = x.copy()
-            trial[list(columns)] += share * step
-            trial_road = felt(trial)
-            trial_base = predicted(drive, trial, trial_road)
-            trial_left = residual(rows, trial_base)
-            if loss_of(trial_left, rows, scatter) < before:
-                break
-            share *= 0.4
-        else:
-            break
-        gone = before - loss_of(trial_left, rows, scatter)
-        x, road, base, left = trial, trial_road, trial_base, trial_left
-        leaning = felt.leaning(x, road)
-        if leaning is not felt:
-            felt, road = leaning, leaning(x)
-            base = predicted(drive, x, road)
-            left = residual(rows, base)
-        new = scatter_of(rows, left, floor)
-        quiet = gone < settled * (before + 500.0) and float(np.mean(np.abs(new / scatter - 1.0), axis=0).max()) < 0.05
-        scatter = new
-        if quiet:
-            break
-    if known is None:
-        anew = felt if felt.is_tilted else None
-        slopes = sensitivities(drive, rows, x, road, base, columns, anew, each)
-    return _judged(drive, rows, tolerance, Slopes(x, effects, columns, slopes), base, left, scatter, road, felt)
+
+    def taken(here: Place) -> Floats:
+        return sensitivities(drive, rows, here.x, here.road, here.base, columns, here.felt.anew, each)
+
+    def judged(here: Place, slopes: Floats) -> Fit:
+        return _judged(drive, rows, tolerance, here, Slopes(here.x, effects, columns, slopes))
+
+    def box(x: Floats) -> Box:
+        return box_of(words.columns, x, columns, tolerance)
+
+    asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
+    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box)
+    here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
+    here, slopes = descended(slope, here, given, settled, roughly=known is not None, is_hopeless=asked)
+    return judged(here, taken(here) if known is None else slopes)
 
 
 def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
     """A fit judged by the slopes that it has at its end."""
     base = predicted(drive, fit.x, fit.road)
-    anew = fit.felt if fit.felt is not None and fit.felt.is_tilted else None
-    slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, anew, each)
-    at = Slopes(fit.x, fit.effects, fit.columns, slopes)
-    return _judged(drive, rows, tolerance, at, base, fit.left, fit.scatter, fit.road, fit.felt)
+    slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, fit.felt.anew, each)
+    here = Place(fit.x, fit.felt, fit.road, base, fit.left, fit.scatter)
+    return _judged(drive, rows, tolerance, here, Slopes(fit.x, fit.effects, fit.columns, slopes))
 
 
-def _judged(
-    drive: Drive,
-    rows: Rows,
-    tolerance: Mapping[str, float],
-    slopes: Slopes,
-    base: Floats,
-    left: Floats,
-    scatter: Floats,
-    road: Profiles,
-    felt: Felt | None,
-) -> Fit:
+def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Place, slopes: Slopes) -> Fit:
     """What a model leaves on blocks that a fit has not seen, and how sure its parameters are."""
     words, (x, effects, columns, values) = drive.vocabulary, slopes
+    left, scatter = here.left, here.scatter
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = box_of(words.columns, x, columns, tolerance)
@@ -233,12 +194,13 @@ def _judged(
     together = {
         name: held_out_kinds(found, lasting, box, kind, per_row) * scatter**2 for name, kind in rows.together.items()
     }
-    form = _form(drive, rows, x, effects, base)
+    form = _form(drive, rows, x, effects, here.base)
     covariance = _covariance(found, per_row, box, rows.steps / scatter)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
+    road, felt = here.road, here.felt
     return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance)
 
 
@@ -257,13 +219,6 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
         found[UPRIGHT] = math.hypot(found[UPRIGHT], noise)
     return np.asarray(found, dtype=np.float64)
-
-
-def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
-    """Half the sum of squares, beyond `_FAR` deviations as for a distance."""
-    # A car that has become unstable is infinitely wrong, and that is all that counts.
-    z = np.nan_to_num(np.minimum(np.abs(left / scatter[rows.block]), 1e9), nan=1e9)
-    return float(np.sum(np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))[rows.used]))
 
 
 def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats) -> Floats:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dsz_daemon.diagnose.comparison import Rows, residual
-from dsz_daemon.diagnose.fit import MOMENTS, Fit, loss_of
+from dsz_daemon.diagnose.descent import loss_of
+from dsz_daemon.diagnose.fit import MOMENTS, Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, predicted
 from dsz_daemon.diagnose.recording import DT_S
 

@@ -53,16 +53,21 @@ class Felt:
         """The road and the air for these parameters."""
         return self._tilted(self._first._replace(lean_mps2=self._lean_mps2), x)
 
-    def leaning(self, x: Floats, road: Profiles) -> Felt:
+    @property
+    def anew(self) -> Felt | None:
+        """What has to be felt anew for other parameters; None where that is always the same."""
+        return self if self.is_tilted else None
+
+    def leaning(self, x: Floats, base: Floats) -> Felt:
         """The same with a body that leans to forces, too, that are in no simulation.
 
-        They are what the lateral accelerometer has left over for these parameters on this road, as far as that is more
-        than noise and form.
+        They are what the lateral accelerometer has left over of what is predicted, `base` (n, 13), for these parameters
+        on the road felt, as far as that is more than noise and form.
         """
         if x[_LEANS] == 0.0:
             return self
         found = copy(self)
-        found._lean_mps2 = _left_over(self._drive, x, road)
+        found._lean_mps2 = _left_over(self._drive, base)
         return found
 
     def _tilted(self, road: Profiles, x: Floats) -> Profiles:
@@ -85,12 +90,12 @@ def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: boo
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
 
 
-def _left_over(drive: Drive, x: Floats, road: Profiles) -> Floats:
+def _left_over(drive: Drive, base: Floats) -> Floats:
     """Lateral acceleration (n,) that the simulation has not, as far as it is no noise and no matter of form."""
     if not np.isfinite(drive.measured[:, _ACROSS]).any():
         return flat(len(drive.steer)).lean_mps2
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    left = drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS]
+    left = drive.measured[:, _ACROSS] - base[:, _ACROSS]
     left = np.where(rolling, np.clip(np.nan_to_num(left), -_MOST_MPS2, _MOST_MPS2), 0.0)
     usual = np.hypot(np.nan_to_num(floors(drive)[_ACROSS]), FORM * float(np.nanstd(drive.measured[:, _ACROSS])))
     rms = math.sqrt(float(np.sum(left**2)) / max(int(np.count_nonzero(rolling)), 1))

@@ -36,6 +36,8 @@ _TRIED, _WORTH = 7, 0.05
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
+# What a profile has lost after some rounds of its fit no further ones bring back.
+_LOST = -100.0
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -182,7 +184,13 @@ class _Trial:
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
     def _fitted(self, x: Floats, effects: tuple[str, ...]) -> Fit:
-        return fitted(self.drive, self.rows, x, effects, self.tolerance, known=self.known, felt=self.best.felt)
+        known, felt, new = self.known, self.best.felt, effects[-1]
+
+        def is_hopeless(fit: Fit) -> bool:
+            return gained(self.drive, self.best, fit) < _LOST or is_implausible(self.drive, self.rows, fit, new)
+
+        asked = is_hopeless if new in OWN_CHANNEL else None
+        return fitted(self.drive, self.rows, x, effects, self.tolerance, known=known, felt=felt, is_hopeless=asked)
 
     def judge(self, step: Step) -> Step:
         """By its own slopes, and by what other manoeuvres say."""
@@ -296,8 +304,7 @@ def _screened(
     held = set(NUISANCES) - set(best.columns)
     columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
     base = predicted(drive, best.x, best.road)
-    anew = best.felt if best.felt is not None and best.felt.is_tilted else None
-    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, anew, each)
+    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, best.felt.anew, each)
     found = sums(rows, best.left, slopes, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}

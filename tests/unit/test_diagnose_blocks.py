@@ -13,9 +13,10 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 from dsz_daemon.diagnose import answer, shape_beside
 from dsz_daemon.diagnose import fit as fit_module
 from dsz_daemon.diagnose.comparison import Rows, rows_of
+from dsz_daemon.diagnose.descent import loss_of
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, sums
-from dsz_daemon.diagnose.fit import _covariance, fitted, loss_of
+from dsz_daemon.diagnose.fit import _covariance, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.search import _screened
 

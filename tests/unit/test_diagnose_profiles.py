@@ -55,7 +55,7 @@ def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not(
     one, x = leaning_drive(gusts_n)
     felt = Felt(one, x, ("suspension_roll", "road_bank"))
     for _ in range(3):
-        felt = felt.leaning(x, felt(x)._replace(bank_rad=np.zeros(N)))
+        felt = felt.leaning(x, predicted(one, x, felt(x)._replace(bank_rad=np.zeros(N))))
     there, without = felt(x), Felt(one, x, ("suspension_roll", "road_bank"))(x)
     middle = slice(500, N - 500)
     assert np.std(there.bank_rad[middle]) < 0.3 * np.std(without.bank_rad[middle])
@@ -67,11 +67,11 @@ def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not(
 def test_what_noise_and_form_leave_leans_nobody() -> None:
     one, x = leaning_drive(np.zeros(N))
     felt = Felt(one, x, ("suspension_roll",))
-    assert not felt.leaning(x, felt(x))(x).lean_mps2.any()
+    assert not felt.leaning(x, predicted(one, x, felt(x)))(x).lean_mps2.any()
     # Nor does a body lean that is on no springs.
     pushed, _ = leaning_drive(1500.0 * np.sin(2.0 * np.pi * T / 5.0))
     felt = Felt(pushed, nothing(), ())
-    assert felt.leaning(nothing(), felt(nothing())) is felt
+    assert felt.leaning(nothing(), predicted(pushed, nothing(), felt(nothing()))) is felt
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])

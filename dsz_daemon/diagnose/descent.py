@@ -1,0 +1,158 @@
+"""Down to where no step takes more off what is left: Gauss-Newton in a box, with slopes that are seldom taken.
+
+A model's slopes cost as many simulations as it has parameters, a step costs one. So slopes are taken where it begins,
+turned by what each step shows, and taken again where no step gets further or where the end seems to be reached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose.comparison import Rows, residual
+from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
+from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, predicted
+from dsz_daemon.diagnose.profiles import Felt
+
+_ROUNDS = 20
+# By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
+_QUIET_TWICE = 2
+# A fit may be asked after so many rounds whether it is worth more.
+_ASKED = 5
+_RESTS = 0.05
+# Deviations; what is further off was something else.
+_FAR = 4.0
+
+
+class Place(NamedTuple):
+    """Parameters, the road that is felt for them, what is predicted there and left (k, 13), each block's scatter."""
+
+    x: Floats
+    felt: Felt
+    road: Profiles
+    base: Floats
+    left: Floats
+    scatter: Floats
+
+
+class Slope(NamedTuple):
+    """What a descent works with: the fitted `columns`, their `sizes` (p,), inf for what is linear anyway.
+
+    `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters.
+    """
+
+    drive: Drive
+    rows: Rows
+    floor: Floats
+    columns: tuple[int, ...]
+    sizes: Floats
+    taken: Callable[[Place], Floats]
+    box: Callable[[Floats], Box]
+
+    def place(self, x: Floats, felt: Felt) -> Place:
+        """What there is for these parameters, the body's lean to forces that are in no simulation included."""
+        road = felt(x)
+        base = predicted(self.drive, x, road)
+        leaning = felt.leaning(x, base)
+        if leaning is not felt:
+            felt, road = leaning, leaning(x)
+            base = predicted(self.drive, x, road)
+        left = residual(self.rows, base)
+        return Place(x, felt, road, base, left, scatter_of(self.rows, left, self.floor))
+
+    def step(self, here: Place, slopes: Floats) -> tuple[Place, Floats, Floats] | None:
+        """The next place, the step (p,) to it and the change (k, 13) that it made; None where it only goes up."""
+        found = sums(self.rows, here.left, slopes, here.scatter, _FAR)
+        step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), self.box(here.x))
+        before = loss_of(here.left, self.rows, here.scatter)
+        share = 1.0
+        while share > _RESTS:
+            x = here.x.copy()
+            x[list(self.columns)] += share * step
+            left = residual(self.rows, predicted(self.drive, x, here.felt(x)))
+            if loss_of(left, self.rows, here.scatter) < before:
+                return self.place(x, here.felt), share * step, here.left - left
+            share *= 0.4
+        return None
+
+
+def descended(
+    slope: Slope,
+    here: Place,
+    known: Floats | None,
+    settled: float,
+    roughly: bool = False,
+    is_hopeless: Callable[[Place, Floats], bool] | None = None,
+) -> tuple[Place, Floats]:
+    """Where no step takes more than the share `settled` off what is left, and the slopes by which that was found.
+
+    `known`: the slopes here. `roughly`: they are taken again only where no step by them gets further, not where the end
+    seems to be reached. What `is_hopeless` after some rounds, by its place and slopes, is left there.
+    """
+    slopes, is_taken, quiet = slope.taken(here) if known is None else known, True, 0
+    for k in range(_ROUNDS):
+        found = slope.step(here, slopes)
+        if found is None:
+            if is_taken:
+                break
+            slopes, is_taken = slope.taken(here), True
+            continue
+        there, step, change = found
+        before = loss_of(here.left, slope.rows, here.scatter)
+        gone = before - loss_of(here.left - change, slope.rows, here.scatter)
+        scatters = float(np.mean(np.abs(there.scatter / here.scatter - 1.0), axis=0).max())
+        quiet = quiet + 1 if gone < settled * (before + 500.0) and scatters < _RESTS else 0
+        here, slopes, was_taken, is_taken = there, turned(slopes, change, step, slope.sizes), is_taken, False
+        if quiet and (was_taken or (roughly and quiet == _QUIET_TWICE)):
+            break
+        if quiet and not roughly:
+            slopes, is_taken = slope.taken(here), True
+        if is_hopeless is not None and k + 1 == _ASKED and is_hopeless(here, slopes):
+            break
+    return here, slopes
+
+
+def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
+    """Half the sum of squares, beyond `_FAR` deviations as for a distance."""
+    # A car that has become unstable is infinitely wrong, and that is all that counts.
+    z = np.nan_to_num(np.minimum(np.abs(left / scatter[rows.block]), 1e9), nan=1e9)
+    return float(np.sum(np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))[rows.used]))
+
+
+def turned(slopes: Floats, change: Floats, step: Floats, sizes: Floats) -> Floats:
+    """Slopes (k, 13, p) turned so that `step` (p,) makes just the `change` (k, 13) of the prediction that it made.
+
+    Schubert's sparse form of Broyden's update (Math. Comp. 24, 1970), in units of the parameters' `sizes` (p,): what a
+    channel does not feel of a parameter it does not learn.
+    """
+    found = slopes.copy()
+    _turn(found, change, step, step / sizes**2)
+    return found
+
+
+@compiled
+def _turn(slopes: Floats, change: Floats, step: Floats, along: Floats) -> None:
+    channels, p = slopes.shape[1], slopes.shape[2]
+    feels = np.zeros((channels, p), dtype=np.bool_)
+    for k in range(len(slopes)):
+        for c in range(channels):
+            for i in range(p):
+                if slopes[k, c, i] != 0.0:
+                    feels[c, i] = True
+    for c in range(channels):
+        power = 0.0
+        for i in range(p):
+            if feels[c, i]:
+                power += along[i] * step[i]
+        if power <= 0.0:
+            continue
+        for k in range(len(slopes)):
+            off = change[k, c]
+            for i in range(p):
+                off -= slopes[k, c, i] * step[i]
+            for i in range(p):
+                if feels[c, i]:
+                    slopes[k, c, i] += off / power * along[i]

@@ -1,0 +1,118 @@
+"""diagnose: a descent takes slopes seldom, and ends where one that takes them all the time does."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose import descent, fit
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.descent import Place, Slope, turned
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.prediction import nothing
+
+RNG = np.random.default_rng(12)
+
+
+def slopes_of_three() -> np.ndarray:
+    """Channel 0 feels the first two of three parameters, channel 1 the last two, the rest nothing."""
+    slopes = np.zeros((30, 13, 3))
+    slopes[:, 0, :2], slopes[:, 1, 1:] = RNG.normal(size=(30, 2)), RNG.normal(size=(30, 2))
+    return slopes
+
+
+def test_turned_slopes_make_of_the_step_what_it_made() -> None:
+    slopes, change, step = slopes_of_three(), RNG.normal(size=(30, 13)), np.array([0.3, -0.1, 0.2])
+    found = turned(slopes, change, step, np.array([1.0, 0.5, 2.0]))
+    np.testing.assert_allclose((found @ step)[:, :2], change[:, :2])
+    assert not found[:, 0, 2].any()
+    assert not found[:, 1, 0].any()
+    assert not found[:, 2:].any()
+
+
+def test_slopes_are_turned_along_the_step_and_in_the_units_of_their_parameters() -> None:
+    """Of what a step brought more than expected, each parameter is told (step / size)^2 of its share."""
+    slopes, step, sizes = slopes_of_three(), np.array([0.3, -0.1, 0.2]), np.array([1.0, 0.5, 2.0])
+    change = slopes @ step
+    change[:, 0] += 1.0
+    by = turned(slopes, change, step, sizes) - slopes
+    # 1 of 0.3^2 + (0.1 / 0.5)^2 is 0.13: 0.3 / 0.13 and -0.1 / 0.25 / 0.13.
+    np.testing.assert_allclose(by[:, 0], np.tile([0.3 / 0.13, -0.4 / 0.13, 0.0], (30, 1)), atol=1e-12)
+    np.testing.assert_allclose(by[:, 1], 0.0, atol=1e-12)
+
+
+def test_what_is_linear_anyway_is_not_turned() -> None:
+    slopes, step = slopes_of_three(), np.array([0.3, -0.1, 0.2])
+    found = turned(slopes, RNG.normal(size=(30, 13)), step, np.array([math.inf, 1.0, math.inf]))
+    np.testing.assert_array_equal(found[:, 0, 0], slopes[:, 0, 0])
+    np.testing.assert_array_equal(found[:, 1, 2], slopes[:, 1, 2])
+    still = turned(slopes, RNG.normal(size=(30, 13)), step, np.full(3, math.inf))
+    np.testing.assert_array_equal(still, slopes)
+
+
+class Counted:
+    """Sensitivities, and how often they were taken."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.times = 0
+        self._real = fit.sensitivities
+        monkeypatch.setattr(fit, "sensitivities", self)
+
+    def __call__(self, *given: Any) -> np.ndarray:
+        self.times += 1
+        return self._real(*given)
+
+
+def by_slopes_of_its_own(slope: Slope, here: Place, *_: Any, **__: Any) -> tuple[Place, np.ndarray]:
+    """Twelve steps, each by the slopes that there are where it begins."""
+    for _round in range(12):
+        found = slope.step(here, slope.taken(here))
+        if found is None:
+            break
+        here = found[0]
+    return here, slope.taken(here)
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        {"steering_backlash.width_rad": 0.01},
+        {"tyre_relaxation.relaxation_length_m": 0.8},
+        {"gyro_scale.z": 0.05, "imu_delay.delay_s": 0.05},
+        {"road_bank.knot_3": 0.02},
+    ],
+)
+def test_slopes_that_are_turned_lead_to_where_those_lead_that_are_taken(
+    monkeypatch: pytest.MonkeyPatch, planted: dict[str, float]
+) -> None:
+    one, effects = drive(planted, CITY_V, CITY_STEER), tuple(name.split(".")[0] for name in planted)
+    rows, taken = rows_of(one), Counted(monkeypatch)
+    found = fitted(one, rows, nothing(), effects, TOLERANCE, settled=2e-5)
+    times, taken.times = taken.times, 0
+    monkeypatch.setattr(fit, "descended", by_slopes_of_its_own)
+    there = fitted(one, rows, nothing(), effects, TOLERANCE)
+    np.testing.assert_allclose((found.x - there.x)[list(found.columns)] / there.std, 0.0, atol=0.1)
+    assert times <= 6
+    assert 2 * times <= taken.times
+
+
+def test_what_is_hopeless_after_some_rounds_is_left_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({"steering_backlash.width_rad": 0.01, "road_bank.knot_3": 0.02}, CITY_V, CITY_STEER)
+    rows, asked = rows_of(one), list[Fit]()
+
+    def is_hopeless(so_far: Fit) -> bool:
+        asked.append(so_far)
+        return answer
+
+    monkeypatch.setattr(descent, "_ASKED", 1)
+    answer = False
+    whole = fitted(one, rows, nothing(), ("steering_backlash",), TOLERANCE, is_hopeless=is_hopeless)
+    answer = True
+    left = fitted(one, rows, nothing(), ("steering_backlash",), TOLERANCE, is_hopeless=is_hopeless)
+    assert len(asked) == 2
+    np.testing.assert_array_equal(left.x, asked[0].x)
+    assert np.abs(left.x - whole.x).max() > 1e-4
