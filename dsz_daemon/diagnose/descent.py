@@ -21,7 +21,7 @@ _ROUNDS = 20
 # By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
 _QUIET_TWICE = 2
 # A fit may be asked after so many rounds whether it is worth more.
-_ASKED = 5
+_ASKED = 4
 _RESTS = 0.05
 # Deviations; what is further off was something else.
 _FAR = 4.0
@@ -55,7 +55,9 @@ class Slope(NamedTuple):
     def place(self, x: Floats, felt: Felt) -> Place:
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
         road = felt(x)
-        base = predicted(self.drive, x, road)
+        return self._leant(x, felt, road, predicted(self.drive, x, road))
+
+    def _leant(self, x: Floats, felt: Felt, road: Profiles, base: Floats) -> Place:
         leaning = felt.leaning(x, base)
         if leaning is not felt:
             felt, road = leaning, leaning(x)
@@ -72,9 +74,11 @@ class Slope(NamedTuple):
         while share > _RESTS:
             x = here.x.copy()
             x[list(self.columns)] += share * step
-            left = residual(self.rows, predicted(self.drive, x, here.felt(x)))
+            road = here.felt(x)
+            base = predicted(self.drive, x, road)
+            left = residual(self.rows, base)
             if loss_of(left, self.rows, here.scatter) < before:
-                return self.place(x, here.felt), share * step, here.left - left
+                return self._leant(x, here.felt, road, base), share * step, here.left - left
             share *= 0.4
         return None
 
@@ -94,6 +98,8 @@ def descended(
     """
     slopes, is_taken, quiet = slope.taken(here) if known is None else known, True, 0
     for k in range(_ROUNDS):
+        if k == _ASKED and is_hopeless is not None and is_hopeless(here, slopes):
+            break
         found = slope.step(here, slopes)
         if found is None:
             if is_taken:
@@ -110,8 +116,6 @@ def descended(
             break
         if quiet and not roughly:
             slopes, is_taken = slope.taken(here), True
-        if is_hopeless is not None and k + 1 == _ASKED and is_hopeless(here, slopes):
-            break
     return here, slopes
 
 

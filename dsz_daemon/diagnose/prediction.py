@@ -131,21 +131,16 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 
 
 class Moving(NamedTuple):
-    """The car on its drive: motion (n, 11), speed and its rate (n,), each wheel's slip (n, 4), radii (4,), the road.
+    """The car on its drive: motion (n, 11), speed and its rate (n,), what is compared of the wheels (n, 3), the road.
 
-    `squares` (4,), s/m: what each wheel shows more, over the square of its speed.
     `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
     """
 
     moved: Floats
     v_mps: Floats
     v_rate: Floats
-    slips: Floats
-    radii: Floats
-    squares: Floats
-    cg_to_front_axle_m: float
+    wheels: Floats
     imu_ahead_m: float
-    tracks_m: tuple[float, float]
     road: Profiles
 
 
@@ -223,7 +218,20 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         v = m[:, motion.SPEED].copy()
         v_rate = np.gradient(v, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear")))
-    return Moving(m, v, v_rate, slips, radii, squares, lf, -shift, tracks_m, road)
+    compared = _compared(drive, rolled(m, v, slips, lf, *tracks_m) / radii, squares, at("wheel_speed_delay.delay_s"))
+    return Moving(m, v, v_rate, compared, -shift, road)
+
+
+def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:
+    """Of what the wheels (n, 4) roll, what is shown of those that don't give the speed, and the others' difference."""
+    if squares.any():
+        wheels_mps = wheels_mps + squares * wheels_mps**2
+    if late_s != 0.0:
+        wheels_mps = np.column_stack([earlier(wheels_mps[:, i], -late_s) for i in range(4)])
+    left, right, own_left, own_right = (2, 3, 0, 1) if drive.front_gives_speed else (0, 1, 2, 3)
+    return np.column_stack(
+        [wheels_mps[:, left], wheels_mps[:, right], wheels_mps[:, own_right] - wheels_mps[:, own_left]]
+    )
 
 
 def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
@@ -241,19 +249,10 @@ def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
 
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     """What the instruments make of the motion: all channels (n, 13)."""
-    delay_s = float(x[INDEX["wheel_speed_delay.delay_s"]])
-    wheels = rolled(moving.moved, moving.v_mps, moving.slips, moving.cg_to_front_axle_m, *moving.tracks_m)
-    wheels /= moving.radii
-    if moving.squares.any():
-        wheels += moving.squares * wheels**2
-    if delay_s != 0.0:
-        wheels = np.column_stack([earlier(wheels[:, i], -delay_s) for i in range(4)])
-    own, other = ((0, 1), (2, 3)) if drive.front_gives_speed else ((2, 3), (0, 1))
-    out = np.empty((len(wheels), len(CHANNELS)))
+    out = np.empty((len(moving.v_mps), len(CHANNELS)))
     out[:, :6] = _imu(x, moving, moving.imu_ahead_m)
     _clip(drive, x, out)
-    out[:, 6], out[:, 7] = wheels[:, other[0]], wheels[:, other[1]]
-    out[:, 8] = wheels[:, own[1]] - wheels[:, own[0]]
+    out[:, 6:9] = moving.wheels
     out[:, 9], out[:, 10], out[:, 11] = moving.v_mps, moving.moved[:, motion.VY], moving.moved[:, motion.R]
     out[:, 12] = moving.road.grade_rad
     _add_own(drive, x, moving, out)

@@ -37,7 +37,7 @@ _TRIED, _WORTH = 7, 0.05
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
 # What a profile has lost after some rounds of its fit no further ones bring back.
-_LOST = -100.0
+_LOST = -20.0
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -152,7 +152,8 @@ def _starts(
     """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
     roads = [name for name in OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
     screened, known = _screened(drive, rows, best, tolerance, each)
-    starts = [(effect, best.x) for effect in (*screened[:_TRIED], *roads)]
+    # What takes longest comes first: several may be fitted side by side.
+    starts = [(effect, best.x) for effect in (*roads, *screened[:_TRIED])]
     guessed = [guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects]
     return [*starts, *guessed], known
 

@@ -80,7 +80,7 @@ def by_slopes_of_its_own(slope: Slope, here: Place, *_: Any, **__: Any) -> tuple
 @pytest.mark.parametrize(
     "planted",
     [
-        {"steering_backlash.width_rad": 0.01},
+        {"wheel_speed_delay.delay_s": 0.1},
         {"tyre_relaxation.relaxation_length_m": 0.8},
         {"gyro_scale.z": 0.05, "imu_delay.delay_s": 0.05},
         {"road_bank.knot_3": 0.02},
