@@ -127,19 +127,15 @@ def searched(
         tried = _enough_first(tried, max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())))
         if not tried:
             break
-        elsewhere[tried[0].effect] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
+        before, gained_before, new = best, dict(gains), tried[0].effect
+        elsewhere[new] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
         if not best.road.bank_rad.any() and not best.road.grade_rad.any():
             best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL, each)
-        rivals[tried[0].effect], gains[tried[0].effect] = tuple(tried), tried[0].gain
+        rivals[new], gains[new] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains, each)
-        # Beside others an effect may want to be what it can't be: then it was something else.
-        wrong = {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
-        # Beside what came in now another that had to go may be what it can be.
-        refused = wrong
-        if wrong:
-            best = _without(drive, rows, best, tolerance, wrong, each)
-        gains = {effect: gains[effect] for effect in best.effects}
+        best, refused = _plausible(drive, rows, before, best, tolerance, each)
+        gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     best = _without_trifles(drive, rows, best, tolerance, gains, each)
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
@@ -334,13 +330,27 @@ def _without(
     return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
 
 
+def _plausible(
+    drive: Drive, rows: Rows, before: Fit, best: Fit, tolerance: Mapping[str, float], each: Each
+) -> tuple[Fit, set[str]]:
+    """The model without effects that want to be what they can't be beside the newest, and what is refused next.
+
+    Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains no more
+    than what it drives out, has to go itself: then the model is the one `before`.
+    """
+    new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
+    if not wrong:
+        return best, wrong
+    rest = _without(drive, rows, best, tolerance, wrong, each)
+    # What each leaves hangs together where it is wrong: the same rows count for both.
+    same = np.sqrt(before.per_row * rest.per_row)
+    if new not in wrong and gained(drive, before, rest, same) < LEAST_GAIN:
+        return before, {new}
+    return rest, wrong
+
+
 def _without_idle(
-    drive: Drive,
-    rows: Rows,
-    best: Fit,
-    tolerance: Mapping[str, float],
-    gains: dict[str, float],
-    each: Each,
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: dict[str, float], each: Each
 ) -> Fit:
     """Each earlier effect is tried without: what another explains better has to go."""
     for effect in best.effects[:-1]:
@@ -352,12 +362,7 @@ def _without_idle(
 
 
 def _without_trifles(
-    drive: Drive,
-    rows: Rows,
-    best: Fit,
-    tolerance: Mapping[str, float],
-    gains: Mapping[str, float],
-    each: Each,
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
     least = _SHARE_OF_ALL * sum(gains[effect] for effect in best.effects)

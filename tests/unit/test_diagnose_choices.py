@@ -120,6 +120,22 @@ def test_what_had_to_go_may_come_back_beside_what_came_later(monkeypatch: pytest
     assert {"wheel_radius", "accel_scale"} <= set(search.best.effects)
 
 
+@pytest.mark.parametrize(("scale", "radius", "stays"), [(0.2, 0.0005, "accel_scale"), (0.01, 0.03, "wheel_radius")])
+def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_more(
+    monkeypatch: pytest.MonkeyPatch, scale: float, radius: float, stays: str
+) -> None:
+    """Beside a wheel's radius the accelerometer's scale wants to be what it can't be."""
+
+    def is_implausible_beside(_drive: Drive, _rows: Any, fit: Any, effect: str) -> bool:
+        return effect == "accel_scale" and "wheel_radius" in fit.effects
+
+    monkeypatch.setattr("dsz_daemon.diagnose.search.is_implausible", is_implausible_beside)
+    search = found(drive({"accel_scale.y": scale, "wheel_radius.rl": -radius}, CITY_V, CITY_STEER))
+    assert search.best.effects[0] == stays
+    assert not {"accel_scale", "wheel_radius"} <= set(search.best.effects)
+    assert search.gains[stays] > 100.0
+
+
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
