@@ -250,12 +250,15 @@ def _told_road(found: Search) -> tuple[Profiles, tuple[float, float]]:
 
 
 def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
-    """The front axle's lateral force over its limit (k,) wherever grip ends, and how sharply the fit bends it."""
+    """The front axle's lateral force over its limit (k,) wherever grip ends, and how sharply the fit bends it.
+
+    Of the limit counts what drive and brakes leave of it.
+    """
     drive, best = found.drive, found.best
     moving, car = driven(drive, best.x, best.road), drive.car
     grip = moving.road.grip[found.rows.at]
     load_n = car.mass_kg * motion.G * car.cg_to_rear_axle_m / car.wheelbase_m
-    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / load_n
+    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / (load_n * moving.front_free[found.rows.at])
     return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
 
 

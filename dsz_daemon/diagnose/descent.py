@@ -121,9 +121,15 @@ def descended(
 
 def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
     """Half the sum of squares, beyond `_FAR` deviations as for a distance."""
+    return float(np.sum(loss_of_rows(left, rows, scatter)))
+
+
+def loss_of_rows(left: Floats, rows: Rows, scatter: Floats) -> Floats:
+    """The same, row by row (k,)."""
     # A car that has become unstable is infinitely wrong, and that is all that counts.
     z = np.nan_to_num(np.minimum(np.abs(left / scatter[rows.block]), 1e9), nan=1e9)
-    return float(np.sum(np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))[rows.used]))
+    each = np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))
+    return np.asarray(np.sum(each, axis=1, where=rows.used))
 
 
 def turned(slopes: Floats, change: Floats, step: Floats, sizes: Floats) -> Floats:

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import ROW_S, Rows
+from dsz_daemon.diagnose.comparison import ROW_S, Rows, residual
+from dsz_daemon.diagnose.descent import loss_of_rows
 from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 # The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
 _BEYOND, _FOR_ROWS = 1.02, 5
-# A slippery stretch: so long at least, and so much of what is left in it.
-_SHORTEST_S = 2.0
+# A slippery stretch: so long at least, and so much of log likelihood has to be gained in it.
+_SHORTEST_S, _LEAST = 2.0, 10.0
 _YAW, _ACROSS = 2, 4
-# Grip is used up to this share where it is felt first.
-_USED = 0.8
+_FRICTIONS = np.geomspace(0.12, 1.0, 14)
+# What a row has to gain to count.
+_NOTHING = 0.02
 # Not 0, so that it is fitted.
 _SOME_SHARPNESS = 0.01
 
 
-def guesses(drive: Drive, rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
-    """Effects with parameters (as `x`) to begin from; `left` (k, 13) is what x leaves of the rows that are compared."""
-    return [*_clipped(drive, rows, x), *_slippery(rows, x, left)]
+def guesses(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+    """Effects with parameters (as in the `best` fit so far) to begin from."""
+    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best)]
 
 
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
@@ -43,38 +45,36 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
     return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
 
 
-def _slippery(rows: Rows, x: Floats, left: Floats) -> list[tuple[str, Floats]]:
-    """The stretch in which most is left of yaw rate and lateral acceleration, over what is usual."""
-    each = np.zeros(len(rows.at))
-    for c in (_YAW, _ACROSS):
-        used = rows.used[:, c]
-        if np.count_nonzero(used) > 100:
-            power = left[:, c] ** 2
-            usual = float(np.median(power[used]))
-            each += np.where(used, power / max(usual, 1e-12), 0.0)
-    if not each.any():
+def _slippery(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+    """The stretch, and its friction, that would explain the most were nothing else changed.
+
+    A car forgets in less than a second what it drove on. So what each row gains on a road that is slippery all the way
+    is what it gains in any stretch, and of each friction the best stretch is where the sum of that is the largest.
+    """
+    if not (rows.used[:, _YAW].any() or rows.used[:, _ACROSS].any()):
         return []
-    smooth = np.convolve(each, np.ones(25) / 25.0, "same")
-    threshold = max(4.0 * float(np.median(smooth)), 0.05 * float(np.max(smooth)))
-    # The stretch with the largest sum of what is beyond the threshold (Kadane).
-    worth = np.minimum(smooth, 20.0 * threshold) - threshold
-    best, best_sum, begun, total = (0, 0), 0.0, 0, 0.0
-    for k, value in enumerate(worth.tolist()):
+    most, found = _LEAST, list[tuple[str, Floats]]()
+    before = loss_of_rows(best.left, rows, best.scatter)
+    for friction in _FRICTIONS.tolist():
+        x = best.x.copy()
+        x[INDEX["low_friction.inverse_square"]] = friction**-2
+        x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
+        x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 0.0, len(drive.steer) * DT_S
+        after = loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+        first, last, total = _stretch(before - after - _NOTHING)
+        if total > most and (last - first) * ROW_S > _SHORTEST_S:
+            x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = rows.at[[first, last - 1]] * DT_S
+            most, found = total, [("low_friction", x)]
+    return found
+
+
+def _stretch(values: Floats) -> tuple[int, int, float]:
+    """From and to which row the sum of the values is the largest, and the sum (Kadane)."""
+    best, most, begun, total = (0, 0), 0.0, 0, 0.0
+    for k, value in enumerate(values.tolist()):
         if total <= 0.0:
             begun, total = k, 0.0
         total += value
-        if total > best_sum:
-            best, best_sum = (begun, k + 1), total
-    first, last = best
-    if (last - first) * ROW_S < _SHORTEST_S:
-        return []
-    across = rows.measured[first:last, _ACROSS][rows.used[first:last, _ACROSS]]
-    if len(across) == 0:
-        return []
-    friction = max(float(np.quantile(np.abs(across), 0.98)) / _USED / STANDARD_GRAVITY_MPS2, 0.05)
-    start = x.copy()
-    start[INDEX["low_friction.inverse_square"]] = friction**-2
-    start[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
-    start[INDEX["low_friction.start_s"]] = rows.at[first] * DT_S
-    start[INDEX["low_friction.end_s"]] = rows.at[last - 1] * DT_S
-    return [("low_friction", start)]
+        if total > most:
+            best, most = (begun, k + 1), total
+    return *best, most

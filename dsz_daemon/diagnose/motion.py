@@ -123,12 +123,15 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     bank_rad: Floats,
     grade_rad: Floats,
     lean_mps2: Floats,
+    front_free: Floats,
+    rear_free: Floats,
     dt_s: float,
 ) -> Floats:
     """Motion (n, 11) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
 
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
-    `lean_mps2` (n,): what leans the body beside `AY`. `front_mps` (n,) or (0,): what the front axle rolls, along its
+    `lean_mps2` (n,): what leans the body beside `AY`. `front_free`, `rear_free` (n,): what drive and brakes leave of an
+    axle's side force. `front_mps` (n,) or (0,): what the front axle rolls, along its
     wheels, where that tells the speed; `v_mps` is then what is near it, for its course between two steps.
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
@@ -165,8 +168,14 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             front_loaded, rear_loaded = _loaded(car, carried_mps2)
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
             slips = math.atan((vy + lf * r) / v) - delta, math.atan((vy - lr * r) / v)
-            front = front_loaded * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
-            rear = rear_loaded * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
+            front = (
+                front_loaded
+                * front_free[i]
+                * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
+            )
+            rear = (
+                rear_loaded * rear_free[i] * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
+            )
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, cos)
             scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, sin)
@@ -198,8 +207,12 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         slips = math.atan((vy_mid + lf * r_mid) / v_mid) - delta_mid, math.atan((vy_mid - lr * r_mid) / v_mid)
-        front_goal = front_loaded * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
-        rear_goal = rear_loaded * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
+        front_goal = (
+            front_loaded * front_free[i] * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
+        )
+        rear_goal = (
+            rear_loaded * rear_free[i] * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
+        )
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
             share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)

@@ -36,6 +36,8 @@ _SLIP_ROUNDS = 2
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
+# Of an axle's side force, however it is driven or braked.
+_LEAST_FREE = 0.05
 
 
 class Drive(NamedTuple):
@@ -133,6 +135,7 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 class Moving(NamedTuple):
     """The car on its drive: motion (n, 11), speed and its rate (n,), what is compared of the wheels (n, 3), the road.
 
+    `front_free` (n,): what drive and brakes leave of the front axle's side force.
     `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
     """
 
@@ -142,6 +145,7 @@ class Moving(NamedTuple):
     wheels: Floats
     imu_ahead_m: float
     road: Profiles
+    front_free: Floats
 
 
 # A car that has become unstable is infinitely wrong; whoever compares looks at that.
@@ -177,7 +181,10 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         rolls = v
         for _ in range(_SLIP_ROUNDS):
             pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
-            slips = _slips(car, at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), pull_mps2)
+            front_use, rear_use = _uses(car, at("wheel_slip.front_brakes_more"), pull_mps2)
+            slips[:, :2], slips[:, 2:] = (
+                at("wheel_slip.slip_per_force") * use[:, np.newaxis] for use in (front_use, rear_use)
+            )
             v = rolls / (1.0 + slips[:, own.start])
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf = car.cg_to_front_axle_m * (1.0 + at("cg_to_front_axle_m")) - shift
@@ -212,14 +219,15 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     )
     v_rate = np.gradient(v, DT_S)
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
-    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2)
+    free = _free(car, at("wheel_slip.front_brakes_more"), v, road)
+    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2, *free)
     m = moved(model, steer, v, v_rate, front_mps, *there, DT_S)
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()
         v_rate = np.gradient(v, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear")))
     compared = _compared(drive, rolled(m, v, slips, lf, *tracks_m) / radii, squares, at("wheel_speed_delay.delay_s"))
-    return Moving(m, v, v_rate, compared, -shift, road)
+    return Moving(m, v, v_rate, compared, -shift, road, free[0])
 
 
 def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:
@@ -303,19 +311,35 @@ def earlier(values: Floats, by_s: float) -> Floats:
     return np.asarray(np.interp(place, np.arange(len(values)), values), dtype=np.float64)
 
 
-def _slips(car: Car, slip: float, front_more: float, pull_mps2: Floats) -> Floats:
-    """Each wheel's slip (n, 4): drive on the driven axles, brakes by load but for `front_more` of the front's share."""
-    slips = np.zeros((len(pull_mps2), 4))
+def _uses(car: Car, front_more: float, pull_mps2: Floats) -> tuple[Floats, Floats]:
+    """Each axle's force along over its load (n,): drive on the driven ones, brakes by load but for `front_more`.
+
+    That is of the front's share of the brakes.
+    """
     wheelbase = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
     front_load, rear_load = car.cg_to_rear_axle_m / wheelbase, car.cg_to_front_axle_m / wheelbase
     front_share = front_load if car.front_driven and car.rear_driven else 1.0 if car.front_driven else 0.0
     front_brakes = front_load * (1.0 + front_more)
     driving = np.maximum(pull_mps2, 0.0) / G
     braking = np.minimum(pull_mps2, 0.0) / G
-    front = slip * (braking * front_brakes + driving * front_share) / front_load
-    rear = slip * (braking * (1.0 - front_brakes) + driving * (1.0 - front_share)) / rear_load
-    slips[:, :2], slips[:, 2:] = front[:, np.newaxis], rear[:, np.newaxis]
-    return slips
+    front = (braking * front_brakes + driving * front_share) / front_load
+    rear = (braking * (1.0 - front_brakes) + driving * (1.0 - front_share)) / rear_load
+    return front, rear
+
+
+def _free(car: Car, front_more: float, v_mps: Floats, road: Profiles) -> tuple[Floats, Floats]:
+    """What drive and brakes leave of each axle's side force (n,), where grip ends: sqrt(1 - (F_x / (mu F_z))^2).
+
+    The friction ellipse (Milliken and Milliken, Race Car Vehicle Dynamics, chapter 2).
+    """
+    whole = np.ones(len(v_mps))
+    if not road.grip.any():
+        return whole, whole
+    pull_mps2 = filtered(np.gradient(v_mps, DT_S), _PULL_KERNEL) + G * road.grade_rad
+    front, rear = (
+        np.sqrt(np.maximum(1.0 - use**2 * road.grip, _LEAST_FREE**2)) for use in _uses(car, front_more, pull_mps2)
+    )
+    return front, rear
 
 
 def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:

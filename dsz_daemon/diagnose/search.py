@@ -150,7 +150,7 @@ def _starts(
     screened, known = _screened(drive, rows, best, tolerance, each)
     # What takes longest comes first: several may be fitted side by side.
     starts = [(effect, best.x) for effect in (*roads, *screened[:_TRIED])]
-    guessed = [guess for guess in guesses(drive, rows, best.x, best.left) if guess[0] not in best.effects]
+    guessed = [guess for guess in guesses(drive, rows, best) if guess[0] not in best.effects]
     return [*starts, *guessed], known
 
 

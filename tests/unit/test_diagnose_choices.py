@@ -66,7 +66,7 @@ def found(one: Drive) -> Search:
 def test_a_clipped_sensor_is_guessed_at_its_furthest_reading() -> None:
     one = drive({"sensor_saturation.accel_limit_mps2": 1.5}, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    start = dict(guesses(one, rows, nothing(), residual(rows, predicted(one, nothing(), flat(N)))))["sensor_saturation"]
+    start = dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))["sensor_saturation"]
     assert start[INDEX["sensor_saturation.accel_limit_mps2"]] == pytest.approx(1.5, abs=0.05)
     assert start[INDEX["sensor_saturation.gyro_limit_radps"]] == 0.0
 
@@ -139,7 +139,17 @@ def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_mo
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    assert guesses(one, rows, nothing(), residual(rows, predicted(one, nothing(), flat(N)))) == []
+    assert guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)) == []
+
+
+def test_a_slippery_stretch_is_guessed_from_where_it_begins_to_its_end() -> None:
+    ice = {"low_friction.inverse_square": 0.3**-2, "low_friction.start_s": 22.0, "low_friction.end_s": 40.0}
+    one = drive(ice, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    start = dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))["low_friction"]
+    assert start[INDEX["low_friction.inverse_square"]] ** -0.5 == pytest.approx(0.3, rel=0.15)
+    assert start[INDEX["low_friction.start_s"]] == pytest.approx(22.0, abs=1.0)
+    assert start[INDEX["low_friction.end_s"]] == pytest.approx(40.0, abs=1.0)
 
 
 def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:

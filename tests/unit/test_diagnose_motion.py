@@ -32,6 +32,8 @@ def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) ->
         "bank_rad": NONE,
         "grade_rad": NONE,
         "lean_mps2": NONE,
+        "front_free": np.ones(len(T)),
+        "rear_free": np.ones(len(T)),
     } | changed
     return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
 
@@ -86,6 +88,17 @@ def test_force_builds_up_over_the_relaxation_length() -> None:
     heavy = NOMINAL._replace(mass_kg=1e9, yaw_inertia_kgm2=1e9, relaxation_m=2.0)
     rows = driven(heavy, 20.0, np.full(len(T), 0.01))
     assert rows[10, motion.FRONT_N] == pytest.approx(CF * 0.01 * (1.0 - math.exp(-1.0)), rel=1e-6)
+
+
+@pytest.mark.parametrize(("axle", "stiffness"), [("front", CF), ("rear", CR)])
+def test_an_axle_of_which_half_is_free_has_half_its_side_force(axle: str, stiffness: float) -> None:
+    """Where grip does not end, that is an axle of half the stiffness; with relaxation, too."""
+    steer = 0.02 * np.sin(math.pi * T) * (T > 1.0)
+    for relaxation_m in (0.0, 0.5):
+        car = NOMINAL._replace(relaxation_m=relaxation_m)
+        softer = car._replace(**{f"{axle}_stiffness": 0.5 * stiffness})
+        free = driven(car, 15.0, steer, **{f"{axle}_free": np.full(len(T), 0.5)})
+        np.testing.assert_allclose(free, driven(softer, 15.0, steer), atol=1e-12)
 
 
 def test_grip_ends_at_friction_times_load() -> None:

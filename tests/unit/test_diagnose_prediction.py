@@ -26,6 +26,7 @@ from dsz_daemon.diagnose.effects import (
 )
 from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import _free as free_of
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
 from dsz_daemon.pipeline.grid import Signal
@@ -279,6 +280,54 @@ def test_brakes_at_the_front_slip_at_the_front() -> None:
     rear = -0.05 * 2.0 / G * (1.0 - 1.2 * share) / (1.0 - share)
     front = -0.05 * 2.0 / G * 1.2
     assert row[6] / 30.0 == pytest.approx((1.0 + front) / (1.0 + rear), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("driven", "pull_mps2", "front", "rear"),
+    [
+        # 2 / 9.80665 of the car's weight at the front axle, which bears 1.491 / 2.64 of it: 0.3611 of 0.5 is used.
+        ("front", 2.0, math.sqrt(1.0 - (2.0 / 9.80665 / (1.491 / 2.64) / 0.5) ** 2), 1.0),
+        ("rear", 2.0, 1.0, math.sqrt(1.0 - (2.0 / 9.80665 / (1.149 / 2.64) / 0.5) ** 2)),
+        # Brakes follow the load.
+        ("front", -3.0, *[math.sqrt(1.0 - (3.0 / 9.80665 / 0.5) ** 2)] * 2),
+        # No axle is driven beyond its grip.
+        ("front", 4.0, 0.05, 1.0),
+    ],
+)
+def test_drive_and_brakes_take_of_the_side_force_what_the_ellipse_says(
+    driven: str, pull_mps2: float, front: float, rear: float
+) -> None:
+    car = TUCSON._replace(front_driven=driven == "front", rear_driven=driven == "rear")
+    assert car.cg_to_rear_axle_m == 1.491
+    assert car.wheelbase_m == pytest.approx(2.64)
+    road = flat(N)._replace(grip=np.full(N, 0.5**-2))
+    middle = N // 2
+    found = free_of(car, 0.0, 5.0 + pull_mps2 * T, road)
+    assert [one[middle] for one in found] == [pytest.approx(front, rel=1e-3), pytest.approx(rear, rel=1e-3)]
+    # A climb is pulled up as well; where grip does not end nothing is taken.
+    climb = road._replace(grade_rad=np.full(N, pull_mps2 / 9.80665))
+    for one, expected in zip(free_of(car, 0.0, np.full(N, 5.0), climb), (front, rear), strict=True):
+        assert one[middle] == pytest.approx(expected, rel=1e-3)
+    for one in free_of(car, 0.0, 5.0 + pull_mps2 * T, flat(N)):
+        assert (one == 1.0).all()
+
+
+def test_brakes_at_the_front_take_of_the_front_axles_side_force() -> None:
+    road = flat(N)._replace(grip=np.full(N, 0.5**-2))
+    front, rear = (one[N // 2] for one in free_of(TUCSON, 0.3, 60.0 - 3.0 * T, road))
+    share = 1.491 / 2.64
+    assert front == pytest.approx(math.sqrt(1.0 - (3.0 / 9.80665 * 1.3 / 0.5) ** 2), rel=1e-3)
+    assert rear == pytest.approx(
+        math.sqrt(1.0 - (3.0 / 9.80665 * (1.0 - 1.3 * share) / (1.0 - share) / 0.5) ** 2), rel=1e-3
+    )
+
+
+def test_a_car_that_speeds_up_on_ice_goes_straight() -> None:
+    """A driven front axle near the end of its grip steers by less than half of what one that rolls does."""
+    one = drive(5.0 + 2.0 * T, np.full(N, 0.01))
+    ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 99.0}
+    there, dry = shown(one, **ice), shown(one)
+    assert there[N // 2, 2] < 0.5 * dry[N // 2, 2]
 
 
 def test_wind_is_found_from_what_the_accelerometer_has_left() -> None:
