@@ -72,8 +72,8 @@ _BODY = (
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
     Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
-# How sharply force bends to its limit.
-_SHARPNESS = Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf)
+# How sharply force bends to its limit, and of how much of that drive and brakes take their share.
+_CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
 _PITCH = (*_BODY, Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf))
 
 EFFECTS: tuple[Effect, ...] = (
@@ -187,7 +187,7 @@ EFFECTS: tuple[Effect, ...] = (
         "Grip ends at a friction coefficient of some {friction_coefficient:.2f}",
         "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z)",
         CAR,
-        (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3), _SHARPNESS),
+        (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3), *_CURVE),
     ),
     Effect(
         "tyre_relaxation",
@@ -286,7 +286,7 @@ EFFECTS: tuple[Effect, ...] = (
         CAR,
         (
             Parameter("inverse_square", "1", 1.0, 0.0, 400.0, 0.3),
-            _SHARPNESS,
+            *_CURVE,
             Parameter("start_s", "s", 5.0, 0.0, 1e5, math.inf),
             Parameter("end_s", "s", 5.0, 0.0, 1e5, math.inf),
         ),

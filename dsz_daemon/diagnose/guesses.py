@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import ROW_S, Rows, residual
@@ -17,6 +19,8 @@ _BEYOND, _FOR_ROWS = 1.02, 5
 _SHORTEST_S, _LEAST = 2.0, 10.0
 _YAW, _ACROSS = 2, 4
 _FRICTIONS = np.geomspace(0.12, 1.0, 14)
+# Whether drive and brakes take of the grip.
+_ELLIPSES = 0.01, 1.0
 # What a row has to gain to count.
 _NOTHING = 0.02
 # Not 0, so that it is fitted.
@@ -55,8 +59,9 @@ def _slippery(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
         return []
     most, found = _LEAST, list[tuple[str, Floats]]()
     before = loss_of_rows(best.left, rows, best.scatter)
-    for friction in _FRICTIONS.tolist():
+    for friction, ellipse in product(_FRICTIONS.tolist(), _ELLIPSES):
         x = best.x.copy()
+        x[INDEX["low_friction.ellipse"]] = ellipse
         x[INDEX["low_friction.inverse_square"]] = friction**-2
         x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
         x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 0.0, len(drive.steer) * DT_S

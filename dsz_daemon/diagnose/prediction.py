@@ -219,7 +219,8 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     )
     v_rate = np.gradient(v, DT_S)
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
-    free = _free(car, at("wheel_slip.front_brakes_more"), v, road)
+    ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse"))
+    free = _free(car, at("wheel_slip.front_brakes_more"), v, ellipse * road.grip, road.grade_rad)
     there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2, *free)
     m = moved(model, steer, v, v_rate, front_mps, *there, DT_S)
     if drive.front_gives_speed:
@@ -327,17 +328,17 @@ def _uses(car: Car, front_more: float, pull_mps2: Floats) -> tuple[Floats, Float
     return front, rear
 
 
-def _free(car: Car, front_more: float, v_mps: Floats, road: Profiles) -> tuple[Floats, Floats]:
+def _free(car: Car, front_more: float, v_mps: Floats, grip: Floats, grade_rad: Floats) -> tuple[Floats, Floats]:
     """What drive and brakes leave of each axle's side force (n,), where grip ends: sqrt(1 - (F_x / (mu F_z))^2).
 
-    The friction ellipse (Milliken and Milliken, Race Car Vehicle Dynamics, chapter 2).
+    The friction ellipse (Milliken and Milliken, Race Car Vehicle Dynamics, chapter 2), of `grip` = 1 / mu^2 (n,).
     """
     whole = np.ones(len(v_mps))
-    if not road.grip.any():
+    if not grip.any():
         return whole, whole
-    pull_mps2 = filtered(np.gradient(v_mps, DT_S), _PULL_KERNEL) + G * road.grade_rad
+    pull_mps2 = filtered(np.gradient(v_mps, DT_S), _PULL_KERNEL) + G * grade_rad
     front, rear = (
-        np.sqrt(np.maximum(1.0 - use**2 * road.grip, _LEAST_FREE**2)) for use in _uses(car, front_more, pull_mps2)
+        np.sqrt(np.maximum(1.0 - use**2 * grip, _LEAST_FREE**2)) for use in _uses(car, front_more, pull_mps2)
     )
     return front, rear
 

@@ -218,6 +218,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "ahead_m",
                 "front_brakes_more",
                 "sharpness",
+                "ellipse",
                 "leans",
             }
             # A stretch needs all of its parameters: it has a test of its own.
@@ -300,21 +301,20 @@ def test_drive_and_brakes_take_of_the_side_force_what_the_ellipse_says(
     car = TUCSON._replace(front_driven=driven == "front", rear_driven=driven == "rear")
     assert car.cg_to_rear_axle_m == 1.491
     assert car.wheelbase_m == pytest.approx(2.64)
-    road = flat(N)._replace(grip=np.full(N, 0.5**-2))
+    grip, level = np.full(N, 0.5**-2), np.zeros(N)
     middle = N // 2
-    found = free_of(car, 0.0, 5.0 + pull_mps2 * T, road)
+    found = free_of(car, 0.0, 5.0 + pull_mps2 * T, grip, level)
     assert [one[middle] for one in found] == [pytest.approx(front, rel=1e-3), pytest.approx(rear, rel=1e-3)]
     # A climb is pulled up as well; where grip does not end nothing is taken.
-    climb = road._replace(grade_rad=np.full(N, pull_mps2 / 9.80665))
-    for one, expected in zip(free_of(car, 0.0, np.full(N, 5.0), climb), (front, rear), strict=True):
+    climb = np.full(N, pull_mps2 / 9.80665)
+    for one, expected in zip(free_of(car, 0.0, np.full(N, 5.0), grip, climb), (front, rear), strict=True):
         assert one[middle] == pytest.approx(expected, rel=1e-3)
-    for one in free_of(car, 0.0, 5.0 + pull_mps2 * T, flat(N)):
+    for one in free_of(car, 0.0, 5.0 + pull_mps2 * T, level, level):
         assert (one == 1.0).all()
 
 
 def test_brakes_at_the_front_take_of_the_front_axles_side_force() -> None:
-    road = flat(N)._replace(grip=np.full(N, 0.5**-2))
-    front, rear = (one[N // 2] for one in free_of(TUCSON, 0.3, 60.0 - 3.0 * T, road))
+    front, rear = (one[N // 2] for one in free_of(TUCSON, 0.3, 60.0 - 3.0 * T, np.full(N, 0.5**-2), np.zeros(N)))
     share = 1.491 / 2.64
     assert front == pytest.approx(math.sqrt(1.0 - (3.0 / 9.80665 * 1.3 / 0.5) ** 2), rel=1e-3)
     assert rear == pytest.approx(
@@ -326,8 +326,9 @@ def test_a_car_that_speeds_up_on_ice_goes_straight() -> None:
     """A driven front axle near the end of its grip steers by less than half of what one that rolls does."""
     one = drive(5.0 + 2.0 * T, np.full(N, 0.01))
     ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 99.0}
-    there, dry = shown(one, **ice), shown(one)
+    rolls, there, dry = shown(one, **ice), shown(one, **ice, **{"low_friction.ellipse": 1.0}), shown(one)
     assert there[N // 2, 2] < 0.5 * dry[N // 2, 2]
+    assert rolls[N // 2, 2] > 0.8 * dry[N // 2, 2]
 
 
 def test_wind_is_found_from_what_the_accelerometer_has_left() -> None:
