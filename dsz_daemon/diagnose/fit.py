@@ -168,7 +168,7 @@ def fitted(
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
     slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box)
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
-    here, slopes = descended(slope, here, given, settled, roughly=known is not None, is_hopeless=asked)
+    here, slopes = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
     return judged(here, taken(here) if known is None else slopes)
 
 

@@ -335,16 +335,15 @@ def _plausible(
 ) -> tuple[Fit, set[str]]:
     """The model without effects that want to be what they can't be beside the newest, and what is refused next.
 
-    Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains no more
-    than what it drives out, has to go itself: then the model is the one `before`.
+    Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains less than
+    what it drives out, has to go itself: then the model is the one `before`.
     """
     new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
     if not wrong:
         return best, wrong
     rest = _without(drive, rows, best, tolerance, wrong, each)
-    # What each leaves hangs together where it is wrong: the same rows count for both.
-    same = np.sqrt(before.per_row * rest.per_row)
-    if new not in wrong and gained(drive, before, rest, same) < LEAST_GAIN:
+    # Neither is the larger one: each is held against the other by its own independent rows.
+    if new not in wrong and gained(drive, rest, before) > max(gained(drive, before, rest), LEAST_GAIN):
         return before, {new}
     return rest, wrong
 
