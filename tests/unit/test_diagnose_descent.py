@@ -10,7 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose import descent, fit
-from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.comparison import Rows, rows_of
 from dsz_daemon.diagnose.descent import Place, Slope, turned
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.prediction import nothing
@@ -116,3 +116,36 @@ def test_what_is_hopeless_after_some_rounds_is_left_there(monkeypatch: pytest.Mo
     assert len(asked) == 2
     np.testing.assert_array_equal(left.x, asked[0].x)
     assert np.abs(left.x - whole.x).max() > 1e-4
+
+
+class Falling:
+    """A descent of which each step takes a fifth off what is left (100 rows of one channel), whatever the slopes."""
+
+    def __init__(self) -> None:
+        used = np.zeros((100, 13), dtype=np.bool_)
+        used[:, 0] = True
+        self.rows = Rows(np.arange(100), used, np.zeros(100, dtype=np.int64), np.zeros((100, 13)), np.zeros(13))
+        self.sizes, self.losses, self.taken_at = np.ones(1), list[float](), list[int]()
+
+    def taken(self, _here: Place) -> np.ndarray:
+        self.taken_at.append(len(self.losses))
+        return np.zeros((100, 13, 1))
+
+    def step(self, here: Place, _slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+        left = 0.8 * here.left
+        self.losses.append(descent.loss_of(left, self.rows, here.scatter))
+        return here._replace(left=left), np.zeros(1), here.left - left
+
+
+@pytest.mark.parametrize("roughly", [False, True])
+def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_there(roughly: bool) -> None:
+    """From 450: each step takes 0.36 of what there is, which is less than 0.01 (450 0.64^k + 500) from the ninth on."""
+    falling: Any = Falling()
+    left = np.zeros((100, 13))
+    left[:, 0] = 3.0
+    nowhere: Any = None
+    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)))
+    descent.descended(falling, here, np.zeros((100, 13, 1)), 0.01, roughly)
+    assert len(falling.losses) == 10
+    # Where slopes that are known will do, two quiet steps in a row are the end.
+    assert falling.taken_at == ([] if roughly else [9])
