@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
+from dsz_daemon.diagnose import answer, prediction
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
@@ -150,6 +151,32 @@ def test_a_slippery_stretch_is_guessed_from_where_it_begins_to_its_end() -> None
     assert start[INDEX["low_friction.inverse_square"]] ** -0.5 == pytest.approx(0.3, rel=0.15)
     assert start[INDEX["low_friction.start_s"]] == pytest.approx(22.0, abs=1.0)
     assert start[INDEX["low_friction.end_s"]] == pytest.approx(40.0, abs=1.0)
+
+
+@pytest.mark.parametrize("ellipse", [0.01, 1.0])
+def test_whether_drive_and_brakes_take_of_the_grip_is_guessed(ellipse: float) -> None:
+    ice = {"inverse_square": 0.3**-2, "ellipse": ellipse, "start_s": 22.0, "end_s": 40.0}
+    one = drive({f"low_friction.{name}": value for name, value in ice.items()}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    start = dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))["low_friction"]
+    assert start[INDEX["low_friction.ellipse"]] == ellipse
+
+
+def test_the_share_of_the_limit_is_of_what_drive_and_brakes_leave() -> None:
+    """On ice at 1.2 m/s2 of drive more than half of the front axle's side force is gone; the rest is used up."""
+    ice = {"inverse_square": 0.25**-2, "ellipse": 1.0, "start_s": 0.0, "end_s": 99.0}
+    left_out = {f"low_friction.{name}": value for name, value in ice.items()}
+    one = drive(left_out, CITY_V, 3.0 * CITY_STEER)
+    x = nothing()
+    for name, value in left_out.items():
+        x[INDEX[name]] = value
+    best = SimpleNamespace(x=x, road=flat(N))
+    search: Any = SimpleNamespace(drive=one, best=best, rows=rows_of(one))
+    share, _ = answer._front_share(search, "low_friction")
+    moving = prediction.driven(one, x, flat(N))
+    pulled = moving.front_free[search.rows.at] < 0.6
+    assert pulled.any()
+    assert 0.8 < np.abs(share[pulled]).max() < 1.0
 
 
 def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:

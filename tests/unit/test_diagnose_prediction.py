@@ -326,9 +326,15 @@ def test_a_car_that_speeds_up_on_ice_goes_straight() -> None:
     """A driven front axle near the end of its grip steers by less than half of what one that rolls does."""
     one = drive(5.0 + 2.0 * T, np.full(N, 0.01))
     ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 99.0}
+    x = nothing()
+    for name, value in (*ice.items(), ("low_friction.ellipse", 1.0)):
+        x[INDEX[name]] = value
+    uphill = predicted(one, x, flat(N)._replace(grade_rad=np.full(N, 0.05)))
     rolls, there, dry = shown(one, **ice), shown(one, **ice, **{"low_friction.ellipse": 1.0}), shown(one)
     assert there[N // 2, 2] < 0.5 * dry[N // 2, 2]
     assert rolls[N // 2, 2] > 0.8 * dry[N // 2, 2]
+    # Uphill it takes more.
+    assert uphill[N // 2, 2] < 0.9 * there[N // 2, 2]
 
 
 def test_wind_is_found_from_what_the_accelerometer_has_left() -> None:

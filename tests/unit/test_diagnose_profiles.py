@@ -64,6 +64,15 @@ def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not(
     assert np.corrcoef(there.lean_mps2[middle], left[middle])[0, 1] > 0.98
 
 
+def test_a_fit_leans_the_body_to_what_it_leaves() -> None:
+    one, _ = leaning_drive(6000.0 * np.sin(2.0 * np.pi * T / 5.0))
+    fit = fitted(one, rows_of(one), nothing(), ("suspension_roll",), {})
+    assert fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0
+    left = one.measured[:, 4] - predicted(one, fit.x, fit.road)[:, 4]
+    np.testing.assert_allclose(fit.road.lean_mps2[300:-300], left[300:-300], atol=0.02)
+    assert np.std(left) > 0.3
+
+
 def test_what_noise_and_form_leave_leans_nobody() -> None:
     one, x = leaning_drive(np.zeros(N))
     felt = Felt(one, x, ("suspension_roll",))
