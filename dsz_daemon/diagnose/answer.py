@@ -121,16 +121,14 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     """One named effect; None where it is too small to be given a name, or gains too little.
 
     Where a simulation is off by `left` times what it may be, what looks like a cause may be how it is wrong: so many
-    times more has to be gained. Spreads are larger by the root: its square is Birge's ratio, which holds where all
-    that is left were to be blamed on the parameter.
+    times more has to be gained.
     """
-    doubted = math.sqrt(left)
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
     least = {p.name: p.least for p in described.parameters}
     surely = found.gains[effect] > _SURE
     named = [
-        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * doubted * (std or 0.0))
+        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
         for name, (value, std) in values.items()
         if math.isfinite(least.get(name, math.inf))
     ]
@@ -152,7 +150,7 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         effect,
         (1.0 - odds) * found.gains[effect] / (found.gains[effect] + _EVEN_ODDS_GAIN),
         words,
-        {name: Value(value, None if s is None else doubted * s, units[name]) for name, (value, s) in values.items()},
+        {name: Value(value, s, units[name]) for name, (value, s) in values.items()},
         described.equation,
         found.gains[effect],
         dict(found.elsewhere[effect]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -33,15 +33,20 @@ _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
 # m/s^2: no accelerometer is so still.
 _STILL_MPS2, _UPRIGHT, _AT_LIMIT = 1e-5, 5, 0.05
-# What makes another road of what the roll and pitch gyros show.
-_TURN_THE_GYROS = frozenset(
-    {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
-    | {"suspension_roll", "suspension_pitch"}
-)
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
 _NONE, _IMU = np.zeros(len(CHANNELS)), len(IMU_CHANNELS)
+
+
+class Feels(Protocol):
+    """What is felt of road and air, for given parameters."""
+
+    def __call__(self, x: Floats) -> Profiles:
+        """The profiles for these parameters."""
+
+    def changes_with(self, effect: str) -> bool:
+        """Whether another parameter of this effect makes another road of the same readings."""
 
 
 class Rows(NamedTuple):
@@ -218,12 +223,12 @@ def sensitivities(
     road: Profiles,
     base: Floats,
     columns: Sequence[int],
-    felt: Callable[[Floats], Profiles] | None = None,
+    felt: Feels | None = None,
     each: Each = map,
 ) -> Floats:
     """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound.
 
-    `felt`: the road that is felt for other parameters, where it is not the same for all.
+    `felt`: the road that is felt for other parameters; None where it is the same for all.
     """
     moving, before = driven(drive, x, road), base[rows.at]
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
@@ -242,7 +247,7 @@ def sensitivities(
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        if felt is not None and effect in _TURN_THE_GYROS:
+        if felt is not None and felt.changes_with(effect):
             there = predicted(drive, moved, felt(moved))
         elif touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.comparison import Rows, residual
-from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
+from dsz_daemon.diagnose.evidence import Box, correlated_rows, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -25,6 +25,7 @@ _ASKED = 4
 _RESTS = 0.05
 # Deviations; what is further off was something else.
 _FAR = 4.0
+_STILL = 1e-9
 
 
 class Place(NamedTuple):
@@ -100,7 +101,7 @@ def descended(
     for k in range(_ROUNDS):
         if k == _ASKED and is_hopeless is not None and is_hopeless(here, slopes):
             break
-        found = slope.step(here, slopes)
+        found = (_first_step if k == 0 and known is not None else Slope.step)(slope, here, slopes)
         if found is None:
             if is_taken:
                 break
@@ -117,6 +118,23 @@ def descended(
         if quiet and not roughly:
             slopes, is_taken = slope.taken(here), True
     return here, slopes
+
+
+def _first_step(slope: Slope, here: Place, slopes: Floats) -> tuple[Place, Floats, Floats] | None:
+    """The usual step, or that as if all blocks of a channel scattered alike: whichever leads to what is likelier.
+
+    Where the simulation is wrong by much, blocks scatter by much and say little: what would put all of them right is
+    not tried by the usual one.
+    """
+    rows, usual = slope.rows, slope.step(here, slopes)
+    power = np.sum(here.left**2, axis=0, where=rows.used) / np.maximum(np.sum(rows.used, axis=0), 1)
+    alike = np.sqrt(np.maximum(power, np.maximum(np.nan_to_num(slope.floor), _STILL) ** 2))
+    other = slope.step(here._replace(scatter=np.tile(alike, (len(here.scatter), 1))), slopes)
+    if usual is None or other is None:
+        return usual or other
+    per_row = correlated_rows(other[0].left / other[0].scatter[rows.block], rows.used)
+    likely = [likelihood_of(rows, found[0].left, per_row) for found in (usual, other)]
+    return other if likely[1] > likely[0] else usual
 
 
 def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:

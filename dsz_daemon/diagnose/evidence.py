@@ -242,6 +242,15 @@ def gain(
     return float(np.sum(each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)))
 
 
+def likelihood_of(rows: Rows, left: Floats, per_row: Floats) -> float:
+    """Log likelihood of what is left (k, 13), each block scattering by itself; `per_row` as above."""
+    blocks = int(rows.block[-1]) + 1
+    power, count = np.zeros((blocks, left.shape[1])), np.zeros((blocks, left.shape[1]))
+    _add_squares(rows.block, rows.used, left, power, count)
+    known = count.sum(axis=0) > 0
+    return float(np.sum(_likelihood((power / per_row)[:, known], (count / per_row)[:, known])))
+
+
 def _likelihood(power: Floats, count: Floats) -> Floats:
     """Log likelihood (c,) of blocks with these sums of squares and numbers of independent rows (b, c), at its best.
 

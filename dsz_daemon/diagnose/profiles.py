@@ -12,7 +12,7 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import FORM, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
-from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, predicted
+from dsz_daemon.diagnose.prediction import Drive, Profiles, earlier, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S, filtered
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -26,6 +26,12 @@ _ROAD_KERNEL /= _ROAD_KERNEL.sum()
 # A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
 _WIND_ROUNDS = 15
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
+# What makes another road of what the roll and pitch gyros show, and what tells of anything later than it was.
+_TURN_THE_GYROS = frozenset(
+    {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
+    | {"suspension_roll", "suspension_pitch"}
+)
+_LATE = {"imu_delay": INDEX["imu_delay.delay_s"], "sensor_bandwidth": INDEX["sensor_bandwidth.time_constant_s"]}
 _LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
@@ -37,7 +43,8 @@ class Felt:
 
     The wind is that of `start`. The road is felt anew for any parameters, since what turns the gyros' axes or scales
     them makes another road of the same readings; constant offsets stay those of `start`: corrections are the knots'.
-    What leans the body and is in no simulation is no road: see `leaning`.
+    What leans the body and is in no simulation is no road: see `leaning`. A late sensor's readings are of what was
+    there before.
     """
 
     def __init__(self, drive: Drive, start: Floats, effects: tuple[str, ...]) -> None:
@@ -51,12 +58,13 @@ class Felt:
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
-        return self._tilted(self._first._replace(lean_mps2=self._lean_mps2), x)
+        return self._tilted(self._first._replace(lean_mps2=earlier(self._lean_mps2, _late_s(x))), x)
 
-    @property
-    def anew(self) -> Felt | None:
-        """What has to be felt anew for other parameters; None where that is always the same."""
-        return self if self.is_tilted else None
+    def changes_with(self, effect: str) -> bool:
+        """Whether another parameter of this effect makes another road, or lean, of the same readings."""
+        if effect in _LATE:
+            return self.is_tilted or bool(self._lean_mps2.any())
+        return self.is_tilted and effect in _TURN_THE_GYROS
 
     def leaning(self, x: Floats, base: Floats) -> Felt:
         """The same with a body that leans to forces, too, that are in no simulation.
@@ -81,12 +89,18 @@ class Felt:
         return _with_tilt(self._drive, alone, road, *(name in self._effects for name in _TILTS))
 
 
+def _late_s(x: Floats) -> float:
+    """How late the IMU tells of what is there: a first order is as late as its time constant."""
+    return float(sum(x[i] for i in _LATE.values()))
+
+
 def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: bool) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down."""
     level = flat(len(drive.steer))._replace(side_n=road.side_n, lean_mps2=road.lean_mps2)
     left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
     yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
-    bank, slope = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
+    tilts = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
+    bank, slope = (earlier(tilt, _late_s(x)) for tilt in tilts)
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
 
 
@@ -108,7 +122,8 @@ def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
     for _ in range(_WIND_ROUNDS):
         left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
-        road = road._replace(side_n=road.side_n + drive.car.mass_kg * np.where(rolling, left_mps2, 0.0))
+        more_mps2 = earlier(np.where(rolling, left_mps2, 0.0), _late_s(x))
+        road = road._replace(side_n=road.side_n + drive.car.mass_kg * more_mps2)
     return road
 
 

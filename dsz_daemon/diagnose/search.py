@@ -134,7 +134,9 @@ def searched(
             best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL, each)
         rivals[new], gains[new] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains, each)
-        best, refused = _plausible(drive, rows, before, best, tolerance, each)
+        best, wrong = _plausible(drive, rows, before, best, tolerance, each)
+        # Of the same model two may drive each other out for ever.
+        refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     best = _without_trifles(drive, rows, best, tolerance, gains, each)
     rivals = {effect: rivals[effect] for effect in best.effects}
@@ -301,7 +303,7 @@ def _screened(
     held = set(NUISANCES) - set(best.columns)
     columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
     base = predicted(drive, best.x, best.road)
-    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, best.felt.anew, each)
+    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, best.felt, each)
     found = sums(rows, best.left, slopes, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}
