@@ -101,7 +101,8 @@ def descended(
     for k in range(_ROUNDS):
         if k == _ASKED and is_hopeless is not None and is_hopeless(here, slopes):
             break
-        found = (_first_step if k == 0 and known is not None else Slope.step)(slope, here, slopes)
+        is_first = k == 0 and known is not None
+        found = _first_step(slope, here, slopes) if is_first else slope.step(here, slopes)
         if found is None:
             if is_taken:
                 break

@@ -61,8 +61,23 @@ def test_the_steerings_steps_last_in_the_scatter_of_each_block() -> None:
     weighed = sums(some_rows(block), left, table, np.ones(13))
     steps = np.zeros((20, 13))
     steps[:, 0] = np.where(np.arange(20) < 10, 2.0, 3.0)
-    [[variance]] = _covariance(weighed, np.ones(13), Box(*np.array([[-1e6], [1e6], [1e-9]])), steps)
+    [[variance]] = _covariance(weighed, np.ones(13), Box(*np.array([[-1e6], [1e6], [1e-9]])), steps, np.ones((20, 13)))
     assert variance == pytest.approx((250.0 * 250.0 * 4.0 + 250.0 * 250.0 * 9.0) / 500.0**2)
+
+
+@pytest.mark.parametrize("blocks", [20, 80])
+def test_what_is_left_beyond_the_noise_does_not_average_out(blocks: int) -> None:
+    """3 deviations of which 1 is noise: 8 in power, all of it in one of eight ways to be wrong, however long."""
+    n = 25 * blocks
+    block, table, left = np.repeat(np.arange(blocks), 25), np.zeros((n, 13, 1)), np.zeros((n, 13))
+    table[:, 0, 0], left[:, 0] = 2.0, np.tile([3.0, -3.0], n // 2)[:n]
+    weighed = sums(some_rows(block), left, table, np.ones(13))
+    box, none = Box(*np.array([[-1e6], [1e6], [1e-9]])), np.zeros((blocks, 13))
+    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.ones((blocks, 13)))
+    assert variance == pytest.approx((9.0 - 1.0) / 8.0 / 2.0**2)
+    # Of no more than noise nothing of the kind.
+    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0))
+    assert variance == pytest.approx(9.0 / n / 2.0**2)
 
 
 @pytest.fixture

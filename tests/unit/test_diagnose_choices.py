@@ -137,6 +137,20 @@ def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_mo
     assert search.gains[stays] > 100.0
 
 
+def test_what_had_to_go_is_not_tried_again_beside_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever comes in second has to go itself: each once."""
+
+    def alone(_drive: Drive, _rows: Any, before: Any, best: Any, *_: Any) -> tuple[Any, set[str]]:
+        return (before, {best.effects[-1]}) if before.effects else (best, set())
+
+    monkeypatch.setattr("dsz_daemon.diagnose.search._plausible", alone)
+    said: list[str] = []
+    one = drive({"accel_scale.y": 0.2, "wheel_radius.rl": -0.003, "gyro_scale.x": 0.1}, CITY_V, CITY_STEER)
+    search = searched(one, rows_of(one), TOLERANCE, said.append)
+    assert len(search.best.effects) == 1
+    assert 3 <= sum(words.startswith("screening") for words in said) <= 6
+
+
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -138,9 +139,13 @@ class Falling:
 
 
 @pytest.mark.parametrize("roughly", [False, True])
-def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_there(roughly: bool) -> None:
+def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_there(
+    monkeypatch: pytest.MonkeyPatch, roughly: bool
+) -> None:
     """From 450: each step takes 0.36 of what there is, which is less than 0.01 (450 0.64^k + 500) from the ninth on."""
     falling: Any = Falling()
+    # The first is one as any other.
+    monkeypatch.setattr(descent, "_first_step", Falling.step)
     left = np.zeros((100, 13))
     left[:, 0] = 3.0
     nowhere: Any = None
@@ -149,3 +154,53 @@ def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_th
     assert len(falling.losses) == 10
     # Where slopes that are known will do, two quiet steps in a row are the end.
     assert falling.taken_at == ([] if roughly else [9])
+
+
+@pytest.mark.parametrize(("usual_left", "other_left", "chosen"), [(0.5, 0.1, "other"), (0.1, 0.5, "usual")])
+def test_a_known_start_first_tries_what_would_put_all_blocks_right(
+    usual_left: float, other_left: float, chosen: str
+) -> None:
+    """One of three blocks is off by ten times the others: it counts as they do, if what that leads to is likelier."""
+    block = np.repeat(np.arange(3), 200)
+    used = np.zeros((600, 13), dtype=np.bool_)
+    used[:, :2] = True
+    rows = Rows(np.arange(600), used, block, np.zeros((600, 13)), np.zeros(13))
+    noise = RNG.normal(size=(600, 13))
+    here = place_of(noise * np.where(block == 2, 10.0, 1.0)[:, np.newaxis])
+    floor = np.full(13, np.nan)
+    floor[1] = 20.0
+    seen: list[np.ndarray] = []
+
+    def step(there: Place, slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+        seen.append(there.scatter)
+        left = noise * (usual_left if there is here else other_left)
+        return place_of(left), np.zeros(1), slopes
+
+    slope: Any = SimpleNamespace(rows=rows, floor=floor, step=step)
+    found = descent._first_step(slope, here, np.zeros(1))
+    assert found is not None
+    assert np.std(found[0].left) == pytest.approx(min(usual_left, other_left), rel=0.05), chosen
+    usual, alike = seen
+    assert usual is here.scatter
+    # A third of 100 and two of 1; the other channel scatters by no less than its sensor.
+    np.testing.assert_allclose(alike[:, 0], math.sqrt(34.0), rtol=0.1)
+    np.testing.assert_array_equal(alike[:, 1], 20.0)
+
+
+@pytest.mark.parametrize("dead", ["usual", "other"])
+def test_where_one_first_step_only_goes_up_the_other_is_taken(dead: str) -> None:
+    used = np.ones((30, 13), dtype=np.bool_)
+    rows = Rows(np.arange(30), used, np.repeat([0, 1], 15), np.zeros((30, 13)), np.zeros(13))
+    here = place_of(RNG.normal(size=(30, 13)), blocks=2)
+    there = (here, np.ones(1), np.ones(1))
+
+    def step(place: Place, _: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray] | None:
+        return None if (place is here) is (dead == "usual") else there
+
+    slope: Any = SimpleNamespace(rows=rows, floor=np.ones(13), step=step)
+    assert descent._first_step(slope, here, np.zeros(1)) is there
+
+
+def place_of(left: np.ndarray, blocks: int = 3) -> Place:
+    none: Any = None
+    return Place(none, none, none, none, left, np.ones((blocks, 13)))

@@ -21,6 +21,8 @@ from dsz_daemon.diagnose.search import Step, _enough_first, _feels, _screened, _
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 
+LATE = {"imu_delay": "imu_delay.delay_s", "sensor_bandwidth": "sensor_bandwidth.time_constant_s"}
+
 
 def wind(of: Any, force_n: np.ndarray) -> Any:
     return SimpleNamespace(x=nothing(), road=flat(N)._replace(side_n=force_n))
@@ -41,10 +43,12 @@ def test_wind_blows_all_the_way() -> None:
     assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
 
 
-def leaning_drive(gusts_n: np.ndarray) -> tuple[Drive, np.ndarray]:
+def leaning_drive(gusts_n: np.ndarray, **late_s: float) -> tuple[Drive, np.ndarray]:
     """A car with a body on springs, pushed by tyres that nobody simulates: it leans as to any of their forces."""
     x = nothing()
     x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.01
+    for effect, value in late_s.items():
+        x[INDEX[LATE[effect]]] = value
     one = drive({}, CITY_V, CITY_STEER)
     noise = one.measured - predicted(one, nothing(), flat(N))
     return one._replace(measured=predicted(one, x, flat(N)._replace(side_n=gusts_n)) + noise), x
@@ -71,6 +75,55 @@ def test_a_fit_leans_the_body_to_what_it_leaves() -> None:
     left = one.measured[:, 4] - predicted(one, fit.x, fit.road)[:, 4]
     np.testing.assert_allclose(fit.road.lean_mps2[300:-300], left[300:-300], atol=0.02)
     assert np.std(left) > 0.3
+
+
+@pytest.mark.parametrize("how", LATE)
+def test_a_late_imu_tells_of_forces_that_have_leaned_the_body_before(how: str) -> None:
+    """Late by 0.1 s: what leans the body at once is not late twice."""
+    gusts_n = 6000.0 * np.sin(2.0 * np.pi * T / 2.0)
+    one, x = leaning_drive(gusts_n, **{how: 0.1})
+    felt = Felt(one, x, ("suspension_roll",))
+    for _ in range(3):
+        felt = felt.leaning(x, predicted(one, x, felt(x)))
+    middle = slice(500, N - 500)
+    left = one.measured[middle] - predicted(one, x, felt(x))[middle]
+    # Of the roll rate that the gusts make.
+    alone = one.measured[middle] - predicted(one, x, flat(N))[middle]
+    assert np.std(left[:, 0]) < 0.2 * np.std(alone[:, 0])
+    # Other parameters lean it at another time.
+    assert felt.changes_with(how)
+    assert not felt.changes_with("gyro_scale")
+    assert not Felt(one, x, ("suspension_roll",)).changes_with(how)
+
+
+@pytest.mark.parametrize("how", LATE)
+@pytest.mark.parametrize(("profile", "effect"), [("bank_rad", "road_bank"), ("grade_rad", "road_grade")])
+def test_a_late_imu_tells_of_a_road_that_was_there_before(how: str, profile: str, effect: str) -> None:
+    x = nothing()
+    x[INDEX[LATE[how]]] = 0.15
+    tilt = 0.03 * np.sin(2.0 * np.pi * T / 6.0)
+    one = drive({}, CITY_V, CITY_STEER)
+    one = one._replace(measured=predicted(one, x, flat(N)._replace(**{profile: tilt})))
+    felt = Felt(one, x, (effect,))
+    middle = slice(500, N - 500)
+    # Of 0.03 rad 0.0033 are off by a tenth of a second: 0.1 s x 2 pi / 6 s.
+    off = np.ptp((getattr(felt(x), profile) - tilt)[middle]) / 2.0
+    assert off < 0.0012
+    assert felt.changes_with(how)
+    assert felt.changes_with("gyro_scale")
+
+
+def test_a_late_imu_tells_of_wind_that_has_blown_before() -> None:
+    blown_n = 1000.0 * np.sin(2.0 * np.pi * T / 1.5)
+    told = []
+    for late_s in (0.0, 0.1):
+        x = nothing()
+        x[INDEX["imu_delay.delay_s"]] = late_s
+        one = drive({}, CITY_V, CITY_STEER)
+        one = one._replace(measured=predicted(one, x, flat(N)._replace(side_n=blown_n)))
+        told.append(Felt(one, x, ("side_wind",))(x).side_n[500:-500])
+    assert np.corrcoef(blown_n[500:-500], told[0])[0, 1] > 0.98
+    assert np.std(told[1] - told[0]) < 0.01 * np.std(told[0])
 
 
 def test_what_noise_and_form_leave_leans_nobody() -> None:
