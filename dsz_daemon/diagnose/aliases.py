@@ -19,19 +19,22 @@ _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 _MUCH_MPS2 = 0.3
 
 
-def alternatives(found: Search, effect: str) -> tuple[list[str], list[dict[str, float | str]]]:
-    """What an effect can't be told from, and all that could stand in its place, with their probabilities."""
+def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[str], list[dict[str, float | str]]]:
+    """What an effect can't be told from, and all that could stand in its place, with their probabilities.
+
+    `doubt`: how many times more is left than noise and form may leave; so much less a gain says.
+    """
     steps: dict[str, Step] = {}
     for step in found.rivals[effect]:
         if step.effect not in steps and (step.effect == effect or step.effect not in found.best.effects):
             steps[step.effect] = step
     top = steps[effect].gain
-    near = max(_ALIKE, _ALIKE_SHARE * top)
+    near = max(_ALIKE * doubt, _ALIKE_SHARE * top)
     group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
     if effect in SAME_TURN:
         group += sorted(SAME_TURN - {effect, *group})
     group = [name for name in group if name not in _NAMELESS]
-    weights = {name: math.exp(min(step.gain - top, 50.0)) for name, step in steps.items()}
+    weights = {name: math.exp(min((step.gain - top) / doubt, 50.0)) for name, step in steps.items()}
     total = sum(weights.values())
     return group, [
         {"effect": name, "probability": weight / total}

@@ -141,7 +141,7 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
     }
     values, units = _as_told(effect, _on_the_clock(found, values), units)
-    group, others = alternatives(found, effect)
+    group, others = alternatives(found, effect, left)
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
     if effect == "wheel_radius" and _shares_a_factor(found):
         words += ", but for a factor that all share, which this drive does not tell"

@@ -14,7 +14,7 @@ import numpy as np
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.comparison import Rows, residual
 from dsz_daemon.diagnose.evidence import Box, correlated_rows, likelihood_of, scatter_of, solved, sums
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
 
 _ROUNDS = 20
@@ -56,10 +56,11 @@ class Slope(NamedTuple):
     def place(self, x: Floats, felt: Felt) -> Place:
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
         road = felt(x)
-        return self._leant(x, felt, road, predicted(self.drive, x, road))
+        moving = driven(self.drive, x, road)
+        return self._leant(x, felt, road, moving, shown(self.drive, x, moving))
 
-    def _leant(self, x: Floats, felt: Felt, road: Profiles, base: Floats) -> Place:
-        leaning = felt.leaning(x, base)
+    def _leant(self, x: Floats, felt: Felt, road: Profiles, moving: Moving, base: Floats) -> Place:
+        leaning = felt.leaning(x, moving, base)
         if leaning is not felt:
             felt, road = leaning, leaning(x)
             base = predicted(self.drive, x, road)
@@ -76,10 +77,11 @@ class Slope(NamedTuple):
             x = here.x.copy()
             x[list(self.columns)] += share * step
             road = here.felt(x)
-            base = predicted(self.drive, x, road)
+            moving = driven(self.drive, x, road)
+            base = shown(self.drive, x, moving)
             left = residual(self.rows, base)
             if loss_of(left, self.rows, here.scatter) < before:
-                return self._leant(x, here.felt, road, base), share * step, here.left - left
+                return self._leant(x, here.felt, road, moving, base), share * step, here.left - left
             share *= 0.4
         return None
 

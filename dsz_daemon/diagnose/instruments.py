@@ -41,7 +41,7 @@ def felt(
 
     The last: above the roll axis, above and ahead of the pitch axis.
 
-    Of motion (n, 11), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
+    Of motion (n, 12), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces.
     """
     n = len(v_mps)

@@ -31,7 +31,7 @@ LIGHTEST, HEAVIEST = 0.3, 1.7
 SHARPNESS = 2.5
 
 # Columns of what `moved` returns.
-VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED = range(11)
+VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED, LEANS = range(12)
 
 
 class CarModel(NamedTuple):
@@ -123,21 +123,23 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     bank_rad: Floats,
     grade_rad: Floats,
     lean_mps2: Floats,
+    lean_share: float,
     front_free: Floats,
     rear_free: Floats,
     dt_s: float,
 ) -> Floats:
-    """Motion (n, 11) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
+    """Motion (n, 12) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
 
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
-    `lean_mps2` (n,): what leans the body beside `AY`. `front_free`, `rear_free` (n,): what drive and brakes leave of an
-    axle's side force. `front_mps` (n,) or (0,): what the front axle rolls, along its
-    wheels, where that tells the speed; `v_mps` is then what is near it, for its course between two steps.
+    `LEANS` is what the tyres do of it, which leans the body; of what leans it `lean_mps2` (n,) is told, which has
+    `lean_share` of the tyres' in it. `front_free`, `rear_free` (n,): what drive and brakes leave of an axle's side
+    force. `front_mps` (n,) or (0,): what the front axle rolls, along its wheels, where that tells the speed; `v_mps` is
+    then what is near it, for its course between two steps.
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
     rear_load = car.mass_kg * G * lf / (lf + lr)
-    rows = np.zeros((len(v_mps), 11))
+    rows = np.zeros((len(v_mps), 12))
     by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     roll, roll_rate, pitch, pitch_rate = 0.0, 0.0, 0.0, 0.0
@@ -190,9 +192,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         row[0], row[1], row[4] = vy, r, front
         row[2], row[3] = r_rate + ahead * lf / car.yaw_inertia_kgm2, ay + ahead / car.mass_kg
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
-        row[10] = v
+        row[10], row[11] = v, ay - pulled_mps2
         # The body on its springs, to the next row.
-        lean = car.roll_gradient * (ay - pulled_mps2 + lean_mps2[i])
+        lean = car.roll_gradient * ((1.0 - lean_share) * (ay - pulled_mps2) + lean_mps2[i])
         roll_rate += dt_s * (roll_spring * (lean - roll) - roll_damper * roll_rate)
         roll += dt_s * roll_rate
         dive = -car.pitch_gradient * (v_rate[i] - r * vy)

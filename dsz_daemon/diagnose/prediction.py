@@ -60,7 +60,8 @@ class Drive(NamedTuple):
 class Profiles(NamedTuple):
     """What the road and the air do, on the recording's grid (n,): bank and grade (uphill) in rad, side force in N.
 
-    `lean_mps2`: lateral acceleration that is in no simulation, and leans the body all the same.
+    `lean_mps2`: what leans the body, whatever the simulated tyres do; `lean_share` of what these do is in it. The rest
+    is lateral acceleration that is in no simulation, and leans the body all the same.
     """
 
     bank_rad: Floats
@@ -68,6 +69,7 @@ class Profiles(NamedTuple):
     side_n: Floats
     grip: Floats
     lean_mps2: Floats
+    lean_share: float = 0.0
 
 
 def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: Vocabulary = BUILT_IN) -> Drive:
@@ -133,7 +135,7 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 
 
 class Moving(NamedTuple):
-    """The car on its drive: motion (n, 11), speed and its rate (n,), what is compared of the wheels (n, 3), the road.
+    """The car on its drive: motion (n, 12), speed and its rate (n,), what is compared of the wheels (n, 3), the road.
 
     `front_free` (n,): what drive and brakes leave of the front axle's side force.
     `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
@@ -221,7 +223,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
     front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse"))
     free = _free(car, at("wheel_slip.front_brakes_more"), v, ellipse * road.grip, road.grade_rad)
-    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2, *free)
+    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2, road.lean_share, *free)
     m = moved(model, steer, v, v_rate, front_mps, *there, DT_S)
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()

@@ -12,7 +12,7 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import FORM, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
-from dsz_daemon.diagnose.prediction import Drive, Profiles, earlier, flat, predicted
+from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, earlier, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S, filtered
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -51,31 +51,35 @@ class Felt:
         self._drive, self._start, self._effects = drive, start, effects
         self.is_tilted = bool(set(_TILTS) & set(effects))
         self.profiles = set(effects) & {*_TILTS, _WIND}
-        self._lean_mps2 = flat(len(drive.steer)).lean_mps2
+        level = flat(len(drive.steer))
+        self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
             self._first = _with_wind(drive, start, self._first)
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
-        return self._tilted(self._first._replace(lean_mps2=earlier(self._lean_mps2, _late_s(x))), x)
+        leans_mps2 = self._lean_share * (_in_time(self._left_mps2, x) + self._tyres_mps2)
+        return self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
 
     def changes_with(self, effect: str) -> bool:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
         if effect in _LATE:
-            return self.is_tilted or bool(self._lean_mps2.any())
+            return self.is_tilted or self._lean_share > 0.0
         return self.is_tilted and effect in _TURN_THE_GYROS
 
-    def leaning(self, x: Floats, base: Floats) -> Felt:
+    def leaning(self, x: Floats, moving: Moving, base: Floats) -> Felt:
         """The same with a body that leans to forces, too, that are in no simulation.
 
         They are what the lateral accelerometer has left over of what is predicted, `base` (n, 13), for these parameters
-        on the road felt, as far as that is more than noise and form.
+        on the road felt, as far as that is more than noise and form. Together with what the tyres do there they are
+        what the accelerometer told: other parameters lean the body no other way.
         """
         if x[_LEANS] == 0.0:
             return self
         found = copy(self)
-        found._lean_mps2 = _left_over(self._drive, base)
+        found._left_mps2, found._lean_share = _left_over(self._drive, base)
+        found._tyres_mps2 = np.clip(np.nan_to_num(moving.moved[:, motion.LEANS]), -_MOST_MPS2, _MOST_MPS2)
         return found
 
     def _tilted(self, road: Profiles, x: Floats) -> Profiles:
@@ -89,32 +93,34 @@ class Felt:
         return _with_tilt(self._drive, alone, road, *(name in self._effects for name in _TILTS))
 
 
-def _late_s(x: Floats) -> float:
-    """How late the IMU tells of what is there: a first order is as late as its time constant."""
-    return float(sum(x[i] for i in _LATE.values()))
+def _in_time(told: Floats, x: Floats) -> Floats:
+    """What there was (n,), of what an IMU told that is late and follows slowly: T y' = x - y."""
+    slowly_s = float(x[_LATE["sensor_bandwidth"]])
+    there = told + slowly_s * np.gradient(told, DT_S) if slowly_s > 0.0 else told
+    return earlier(there, float(x[_LATE["imu_delay"]]))
 
 
 def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: bool) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down."""
-    level = flat(len(drive.steer))._replace(side_n=road.side_n, lean_mps2=road.lean_mps2)
+    level = flat(len(drive.steer))._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
     left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
     yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
     tilts = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
-    bank, slope = (earlier(tilt, _late_s(x)) for tilt in tilts)
+    bank, slope = (_in_time(tilt, x) for tilt in tilts)
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
 
 
-def _left_over(drive: Drive, base: Floats) -> Floats:
-    """Lateral acceleration (n,) that the simulation has not, as far as it is no noise and no matter of form."""
+def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:
+    """Lateral acceleration (n,) that the simulation has not, and what share is no noise and no matter of form."""
     if not np.isfinite(drive.measured[:, _ACROSS]).any():
-        return flat(len(drive.steer)).lean_mps2
+        return np.zeros(len(drive.steer)), 0.0
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
     left = drive.measured[:, _ACROSS] - base[:, _ACROSS]
     left = np.where(rolling, np.clip(np.nan_to_num(left), -_MOST_MPS2, _MOST_MPS2), 0.0)
     usual = np.hypot(np.nan_to_num(floors(drive)[_ACROSS]), FORM * float(np.nanstd(drive.measured[:, _ACROSS])))
     rms = math.sqrt(float(np.sum(left**2)) / max(int(np.count_nonzero(rolling)), 1))
     share = (rms / max(float(usual), 1e-9) - _NO_FORCE) / (_SURELY_A_FORCE - _NO_FORCE)
-    return np.asarray(min(max(share, 0.0), 1.0) * left)
+    return np.asarray(left), min(max(share, 0.0), 1.0)
 
 
 def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
@@ -122,7 +128,7 @@ def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
     for _ in range(_WIND_ROUNDS):
         left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
-        more_mps2 = earlier(np.where(rolling, left_mps2, 0.0), _late_s(x))
+        more_mps2 = _in_time(np.where(rolling, left_mps2, 0.0), x)
         road = road._replace(side_n=road.side_n + drive.car.mass_kg * more_mps2)
     return road
 

@@ -23,7 +23,7 @@ NONE = np.zeros(len(T))
 G = 9.80665
 
 
-def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) -> np.ndarray:
+def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray | float) -> np.ndarray:
     inputs = {
         "v_rate": NONE,
         "front_mps": np.zeros(0),
@@ -32,6 +32,7 @@ def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray) ->
         "bank_rad": NONE,
         "grade_rad": NONE,
         "lean_mps2": NONE,
+        "lean_share": 0.0,
         "front_free": np.ones(len(T)),
         "rear_free": np.ones(len(T)),
     } | changed
@@ -111,7 +112,7 @@ def test_a_bank_pulls_the_car_down_and_wind_pushes_it() -> None:
     """Left side high: to the right, as does wind from the left (a force of the same size)."""
     bank = driven(NOMINAL, 20.0, NONE, bank_rad=np.full(len(T), 0.05))
     wind = driven(NOMINAL, 20.0, NONE, side_n=np.full(len(T), -M * G * math.sin(0.05)))
-    np.testing.assert_allclose(bank, wind, atol=1e-9)
+    np.testing.assert_allclose(bank[:, : motion.LEANS], wind[:, : motion.LEANS], atol=1e-9)
     assert bank[50, motion.VY] < 0.0
 
 
@@ -140,6 +141,18 @@ def test_a_body_leans_to_what_is_in_no_simulation() -> None:
     row = driven(car, 15.0, steer, lean_mps2=np.full(len(T), 1.5))[-1]
     assert row[motion.ROLL] == pytest.approx(0.01 * (row[motion.AY] + 1.5), rel=1e-3)
     assert row[motion.AY] == driven(car, 15.0, steer)[-1, motion.AY]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_of_what_is_told_to_lean_a_body_a_share_is_its_tyres(share: float) -> None:
+    car = NOMINAL._replace(roll_gradient=0.01)
+    bank, force_n = 0.03, 900.0
+    steer, inputs = np.full(len(T), 0.01), {"bank_rad": np.full(len(T), bank), "side_n": np.full(len(T), force_n)}
+    told = {"lean_mps2": np.full(len(T), 2.0), "lean_share": share}
+    row = driven(car._replace(wind_leans=0.4), 15.0, steer, **inputs, **told)[-1]
+    tyres = row[motion.AY] + G * math.sin(bank) - 0.4 * force_n / M
+    assert row[motion.LEANS] == pytest.approx(tyres)
+    assert row[motion.ROLL] == pytest.approx(0.01 * ((1.0 - share) * tyres + 2.0), rel=1e-3)
 
 
 def test_wind_ahead_of_the_cg_turns_the_car() -> None:

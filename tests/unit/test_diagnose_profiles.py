@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
+from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.search import Step, _enough_first, _feels, _screened, _without_trifles, gained
 from dsz_daemon.diagnose.shape_beside import shape_beside
@@ -54,27 +55,55 @@ def leaning_drive(gusts_n: np.ndarray, **late_s: float) -> tuple[Drive, np.ndarr
     return one._replace(measured=predicted(one, x, flat(N)._replace(side_n=gusts_n)) + noise), x
 
 
+def run(one: Drive, x: np.ndarray, road: Profiles) -> tuple[Moving, np.ndarray]:
+    """The car's motion, and what its instruments show."""
+    return driven(one, x, road), predicted(one, x, road)
+
+
 def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not() -> None:
     gusts_n = 6000.0 * np.sin(2.0 * np.pi * T / 5.0)
     one, x = leaning_drive(gusts_n)
     felt = Felt(one, x, ("suspension_roll", "road_bank"))
     for _ in range(3):
-        felt = felt.leaning(x, predicted(one, x, felt(x)._replace(bank_rad=np.zeros(N))))
+        felt = felt.leaning(x, *run(one, x, felt(x)._replace(bank_rad=np.zeros(N))))
     there, without = felt(x), Felt(one, x, ("suspension_roll", "road_bank"))(x)
     middle = slice(500, N - 500)
     assert np.std(there.bank_rad[middle]) < 0.3 * np.std(without.bank_rad[middle])
-    # What the accelerometer has left over is the force, but for what the tyres answer; it leans the body as it is.
-    left = one.measured[:, 4] - predicted(one, x, there._replace(bank_rad=np.zeros(N)))[:, 4]
-    assert np.corrcoef(there.lean_mps2[middle], left[middle])[0, 1] > 0.98
+    # What the accelerometer has left over is the force, but for what the tyres answer; with these it leans the body.
+    moving, shown = run(one, x, there._replace(bank_rad=np.zeros(N)))
+    left = one.measured[:, 4] - shown[:, 4]
+    beside = there.lean_mps2 - moving.moved[:, motion.LEANS]
+    assert np.corrcoef(beside[middle], left[middle])[0, 1] > 0.98
 
 
 def test_a_fit_leans_the_body_to_what_it_leaves() -> None:
     one, _ = leaning_drive(6000.0 * np.sin(2.0 * np.pi * T / 5.0))
     fit = fitted(one, rows_of(one), nothing(), ("suspension_roll",), {})
     assert fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0
-    left = one.measured[:, 4] - predicted(one, fit.x, fit.road)[:, 4]
-    np.testing.assert_allclose(fit.road.lean_mps2[300:-300], left[300:-300], atol=0.02)
+    moving, shown = run(one, fit.x, fit.road)
+    left = one.measured[:, 4] - shown[:, 4]
+    beside = fit.road.lean_mps2 - moving.moved[:, motion.LEANS]
+    np.testing.assert_allclose(beside[300:-300], left[300:-300], atol=0.02)
     assert np.std(left) > 0.3
+
+
+def test_other_tyres_lean_a_body_no_other_way_than_its_accelerometer_told() -> None:
+    """Play in the steering, of which the lateral acceleration is off by 1 m/s2: the roll rate is what it was."""
+    one, x = leaning_drive(np.zeros(N))
+    x[INDEX["steering_backlash.width_rad"]] = 0.02
+    felt = Felt(one, x, ("suspension_roll",))
+    for _ in range(3):
+        felt = felt.leaning(x, *run(one, x, felt(x)))
+    without = x.copy()
+    without[INDEX["steering_backlash.width_rad"]] = 0.0
+    middle = slice(500, N - 500)
+    told, simulated = (run(one, without, road)[1][middle] for road in (felt(x), flat(N)))
+    played = run(one, x, flat(N))[1][middle]
+    assert np.std(played[:, 4] - simulated[:, 4]) > 0.3
+    measured = one.measured[middle, 0]
+    assert np.std(told[:, 0] - measured) < 1.3 * np.std(simulated[:, 0] - measured)
+    assert np.std(run(one, x, felt(x))[1][middle, 0] - measured) < 1.3 * np.std(simulated[:, 0] - measured)
+    assert np.std(played[:, 0] - measured) > 3.0 * np.std(simulated[:, 0] - measured)
 
 
 @pytest.mark.parametrize("how", LATE)
@@ -84,7 +113,7 @@ def test_a_late_imu_tells_of_forces_that_have_leaned_the_body_before(how: str) -
     one, x = leaning_drive(gusts_n, **{how: 0.1})
     felt = Felt(one, x, ("suspension_roll",))
     for _ in range(3):
-        felt = felt.leaning(x, predicted(one, x, felt(x)))
+        felt = felt.leaning(x, *run(one, x, felt(x)))
     middle = slice(500, N - 500)
     left = one.measured[middle] - predicted(one, x, felt(x))[middle]
     # Of the roll rate that the gusts make.
@@ -129,11 +158,11 @@ def test_a_late_imu_tells_of_wind_that_has_blown_before() -> None:
 def test_what_noise_and_form_leave_leans_nobody() -> None:
     one, x = leaning_drive(np.zeros(N))
     felt = Felt(one, x, ("suspension_roll",))
-    assert not felt.leaning(x, predicted(one, x, felt(x)))(x).lean_mps2.any()
+    assert not felt.leaning(x, *run(one, x, felt(x)))(x).lean_mps2.any()
     # Nor does a body lean that is on no springs.
     pushed, _ = leaning_drive(1500.0 * np.sin(2.0 * np.pi * T / 5.0))
     felt = Felt(pushed, nothing(), ())
-    assert felt.leaning(nothing(), predicted(pushed, nothing(), felt(nothing()))) is felt
+    assert felt.leaning(nothing(), *run(pushed, nothing(), felt(nothing()))) is felt
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("road_bank", (0, 4)), ("road_grade", (1, 3)), ("side_wind", (4,))])
