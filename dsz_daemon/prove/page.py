@@ -193,8 +193,10 @@ def _failures(scores: Scores) -> str:
     failed = [one for one in scores if is_failure(one)]
     if not failed:
         return "None.\n"
-    where = "Where they come from, as far as it is known: [diagnose.md](diagnose.md), What it can't yet.\n"
-    return "\n".join([where, *_TRIAL_HEAD, *(_row(one) for one in failed), ""])
+    where = "What is behind them, as far as it is known: [diagnose.md](diagnose.md), What it can't yet. The reason is what\n"
+    where += "the answer itself tells: of each effect that was not named, and of each name too many.\n"
+    heads = (f"{_TRIAL_HEAD[0]} reason |", f"{_TRIAL_HEAD[1]}---|")
+    return "\n".join([where, *heads, *(f"{_row(one)} {'; '.join(one['why'])} |" for one in failed), ""])
 
 
 _TRIAL_HEAD = ("| trial | car, way | planted | said | too much |", "|---|---|---|---|---|")

@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 SEALS, SCORES = "seal.json", "scores.json"
 _MADE_BY = ("sim/*.py", "prove/mix.py", "prove/sizes.py", "prove/ways.py", "prove/unlisted.py", "prove/recordings.py",
             "prove/own_car.py", "prove/third_party_*.py")  # fmt: skip
-_SCORED_BY = ("prove/score.py", "prove/rivals.py")
+_SCORED_BY = ("prove/score.py", "prove/reasons.py", "prove/rivals.py")
 
 
 def prove(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.edge.samples_file import read_samples
+from dsz_daemon.prove.reasons import reasons
 from dsz_daemon.prove.rivals import rivals
 from dsz_daemon.prove.sizes import HOW
 
@@ -42,6 +43,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
     named = [cause["effect"] for cause in causes]
     foremost = [name for name in named if name in planted or name not in there]
     groups = [cause["group"] for cause in causes if cause["effect"] in foremost]
+    extra = sorted({name for name in named if name not in allowed})
     return one | {
         "verdict": found["verdict"],
         "named": named,
@@ -52,7 +54,8 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "first_or_alias": bool(groups and set(groups[0]) & set(planted)),
         "all_named": set(planted) <= set(named),
         "all_or_alias": all(any(name in cause["group"] for cause in causes) for name in planted),
-        "extra": sorted({name for name in named if name not in allowed}),
+        "extra": extra,
+        "why": reasons(planted, causes, extra, found),
         "unlisted_found": _unlisted_found(truth["unlisted"], found["unlisted"]),
         "probability": [_probability(name, causes) for name in planted],
         "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],
@@ -68,7 +71,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
 
 
 def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
-    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off")}
+    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off", "why")}
     nothing |= {"alarm": False, "foremost": "nothing", "sparse": "nothing"}
     nothing |= dict.fromkeys(("first", "first_or_alias", "all_named", "all_or_alias", "unlisted_found"), False)
     nothing |= dict.fromkeys(("profile_rad", "overlap", "regained", "boosted", "picture"))

@@ -82,7 +82,7 @@ def _bold(text: str) -> list[str | Element]:
 
 def trial_table(trials: Trials) -> Element:
     """A row a trial."""
-    heads = ("trial", "car, way", "planted", "said", "picture")
+    heads = ("trial", "car, way", "planted", "said", "reason", "picture")
     head = element("thead", element("tr", *(element("th", head, scope="col") for head in heads)))
     body = element("tbody")
     for one in trials:
@@ -93,6 +93,7 @@ def trial_table(trials: Trials) -> Element:
             element("td", f"{one['car'].replace('_', ' ')}, {one['kind']}"),
             element("td", planted(one)),
             element("td", *_bold(marked), class_="said"),
+            element("td", "; ".join(one.get("why", ()))),
             element("td", *([] if one.get("picture") is None else [_spark(one["picture"])]), class_="spark"),
         ]
         body.append(element("tr", *cells))

@@ -59,7 +59,7 @@ def without_refit() -> None:
 def without_groups() -> None:
     """No word of what can't be told apart."""
 
-    def alone(_found: Search, effect: str) -> tuple[list[str], list[dict[str, float | str]]]:
+    def alone(_found: Search, effect: str, *_: object) -> tuple[list[str], list[dict[str, float | str]]]:
         return [effect], []
 
     answer.alternatives = alone  # type: ignore[assignment]

@@ -178,6 +178,8 @@ def answered(folder: Path, causes: list[Any], planted: list[Any], **truth: Any) 
         "parameter_errors": truth.pop("errors", []),
         "unlisted": truth.pop("shapes", []),
         "fit": truth.pop("fit", {}),
+        "level": truth.pop("level", {}),
+        "could_not_test": truth.pop("could_not_test", []),
     }
     (folder / "diagnosis.json").write_text(json.dumps(found))
     zeros = np.zeros(100)
@@ -261,6 +263,31 @@ def test_what_has_no_name_is_found_in_its_channel(tmp_path: Path) -> None:
     assert not answered(tmp_path, [], [])["unlisted_found"]
 
 
+def test_a_failure_has_a_reason(tmp_path: Path) -> None:
+    delay = [{"effect": "imu_delay", "parameters": {}}]
+
+    def why(causes: list[dict[str, Any]], **truth: Any) -> list[str]:
+        return list(answered(tmp_path, causes, delay, **truth)["why"])
+
+    assert why([cause("imu_delay")]) == []
+    told = why([cause("sensor_bandwidth", ("imu_delay",), (("imu_delay", 0.3),))])
+    assert told == ["imu_delay: told as one that can't be told from sensor_bandwidth"]
+    assert why([cause("sensor_bandwidth", (), (("imu_delay", 0.3),))]) == [
+        "imu_delay: sensor_bandwidth gained more (0.30 is left for it)",
+        "sensor_bandwidth too many: in place of imu_delay",
+    ]
+    untested = [{"effect": "imu_delay", "why": "shows by less than noise does"}]
+    assert why([], could_not_test=untested) == ["imu_delay: the drive shows less of it than noise"]
+    assert why([], level={"accel_y": 6.2, "gyro_z": 7.0}) == [
+        "imu_delay: gained too little where gyro_z stays 7 times off"
+    ]
+    assert why([], level={"accel_y": 2.9}) == ["imu_delay: gained too little beside the noise"]
+    assert why([cause("imu_delay"), cause("wheel_slip")], level={"accel_y": 6.2}) == [
+        "wheel_slip too many: gained where accel_y stays 6 times off"
+    ]
+    assert why([cause("imu_delay"), cause("wheel_slip")]) == ["wheel_slip too many: gained, and nothing else tells why"]
+
+
 def test_the_page_tells_failures_first(tmp_path: Path) -> None:
     good = answered(tmp_path, [cause("gyro_scale")], [{"effect": "gyro_scale", "parameters": {}}])
     bad = answered(tmp_path, [cause("wheel_slip")], [], group="null") | {"number": 77}
@@ -269,5 +296,6 @@ def test_the_page_tells_failures_first(tmp_path: Path) -> None:
     failures = written[written.index("## Failures") : written.index("## By effect")]
     assert "| 77 |" in failures
     assert failures.count("\n| ") == 2
+    assert "wheel_slip too many: gained, and nothing else tells why |" in failures
     assert "false alarms on nulls | 1 of 1" in written
     assert MILD <= 0.01
