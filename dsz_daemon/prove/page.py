@@ -193,7 +193,7 @@ def _failures(scores: Scores) -> str:
     failed = [one for one in scores if is_failure(one)]
     if not failed:
         return "None.\n"
-    where = "The reason is what the answer itself tells: of each effect that was not named, and of each name too many.\n"
+    where = "The reason is what the answer itself tells of each effect that was not named, and of each name too many.\n"
     where += "What is behind them, as far as it is known: [diagnose.md](diagnose.md), What it can't yet.\n"
     heads = (f"{_TRIAL_HEAD[0]} reason |", f"{_TRIAL_HEAD[1]}---|")
     return "\n".join([where, *heads, *(f"{_row(one)} {'; '.join(one['why'])} |" for one in failed), ""])
