@@ -43,7 +43,9 @@ def shape_beside(
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     model = sums(rows, fit.left, slopes, fit.scatter)
-    tried = sorted(_shapes(drive, rows, fit, slopes), key=lambda shape: -_taken(shape, model, box))[:_TRIED]
+    # Of parameters that the drive does not tell apart none is told: no solution, but no reason to end either.
+    bread = inverse(model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
+    tried = sorted(_shapes(drive, rows, fit, slopes), key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
     judged = [_judged(drive, rows, fit, slopes, model, box, shape, quiet) for shape in tried]
     return max(judged, key=lambda found: found.gain, default=None)
 
@@ -74,11 +76,10 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
     return found
 
 
-def _taken(shape: _Shape, model: Sums, box: Box) -> float:
+def _taken(shape: _Shape, model: Sums, bread: Floats) -> float:
     """How much of the sum of squares a shape takes with the model fitted again, its bounds aside."""
-    a = model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12))
     cross = shape.cross.sum(axis=0)
-    bent = np.linalg.solve(a, cross)
+    bent = bread @ cross
     own = float(shape.square.sum() - cross @ bent)
     pull = float(shape.pull.sum() - model.cross.sum(axis=(0, 1)) @ bent)
     return pull**2 / own if own > 1e-9 * float(shape.square.sum()) else 0.0
