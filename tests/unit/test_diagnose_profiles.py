@@ -293,13 +293,15 @@ def test_a_shape_is_found_with_its_size_where_the_refit_has_bent_to_it() -> None
 
 
 def test_what_is_not_told_apart_ends_no_search_for_shapes() -> None:
-    """Beside a car about to spin slopes are anything: here two parameters have the same, so large that no prior tells."""
+    """Beside a car about to spin slopes are anything: two parameters have the same, so large that no prior tells."""
     one = drive({"gyro_cross_axis.xy": 0.05}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     fit = fitted(one, rows, nothing(), (), TOLERANCE)
     _, known = _screened(one, rows, fit, TOLERANCE, map)
     values = known.values.copy()
-    values[:, 2, known.columns.index(fit.columns[6])] = values[:, 2, known.columns.index(fit.columns[7])] = 1e9
+    for i in fit.columns[6:8]:
+        values[:, :, known.columns.index(i)] = 0.0
+        values[:, 2, known.columns.index(i)] = 1e9
     found = shape_beside(one, rows, fit, known._replace(values=values), TOLERANCE, np.zeros(13, dtype=np.bool_))
     assert found is not None
     assert np.isfinite(found.gain)
