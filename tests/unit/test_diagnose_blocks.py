@@ -136,3 +136,11 @@ def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatc
     untested = {one["effect"] for one in answer._untested(search, map)}
     assert ("gyro_scale" not in untested) is is_tested
     assert "accel_scale" in untested
+
+
+def test_the_end_of_a_drive_does_not_meet_its_beginning() -> None:
+    """A hundred rows at either end, 200 between: 1 + 2 sum of 1 - k / 100 is 100, with the ends joined 150 and more."""
+    left = np.zeros((400, 1))
+    left[:100], left[300:] = 1.0, 1.0
+    [found] = correlated_rows(left, np.ones((400, 1), dtype=np.bool_))
+    assert found == pytest.approx(100.0, rel=0.03)

@@ -10,7 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
@@ -305,3 +305,18 @@ def test_what_is_not_told_apart_ends_no_search_for_shapes() -> None:
     found = shape_beside(one, rows, fit, known._replace(values=values), TOLERANCE, np.zeros(13, dtype=np.bool_))
     assert found is not None
     assert np.isfinite(found.gain)
+
+
+def test_slopes_know_that_a_late_imus_forces_are_put_back_in_time() -> None:
+    one, x = leaning_drive(6000.0 * np.sin(2.0 * np.pi * T / 2.0), imu_delay=0.05)
+    rows, i = rows_of(one), INDEX["imu_delay.delay_s"]
+    felt = Felt(one, x, ("suspension_roll",))
+    felt = felt.leaning(x, *run(one, x, felt(x)))
+    base, step = predicted(one, x, felt(x)), 0.002
+    there = x.copy()
+    there[i] += step
+    slope = sensitivities(one, rows, x, felt(x), base, [i], felt)[:, 0, 0]
+    expected = (predicted(one, there, felt(there)) - base)[rows.at, 0] / step
+    held = (predicted(one, there, felt(x)) - base)[rows.at, 0] / step
+    used = rows.used[:, 0]
+    assert np.std((slope - expected)[used]) < 0.1 * np.std((held - expected)[used])
