@@ -1,6 +1,6 @@
 """What parts of `dsz diagnose` are worth: a proof's recordings diagnosed again without one of them; Markdown.
 
-    dsz prove -o out/proof --trials 120 --seed 2029
+    dsz prove -o out/proof --trials 200 --seed 2030
     python tests/experiments/ablations.py out/proof [--car own] [--trials 60] [--jobs 2]
 
 Without selection by unseen data (a step is judged on the blocks that it was fitted to), without a refit of configured
