@@ -35,7 +35,7 @@ from dsz_daemon.diagnose.profiles import Felt
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
-UPRIGHT = 5
+UPRIGHT, _IMU = 5, 6
 # When a slippery stretch begins and ends.
 MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
 # No effect of a real car is to the letter what the simulation makes of it.
@@ -49,6 +49,8 @@ _STEPS_LAST_ROWS = 250
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
 # drive: it does not average out. Counted on two cars whose equations are others (docs/decisions/0019).
 _WAYS_TO_BE_WRONG = 8
+# What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
+_CHANCE, _NOISE_ROWS = 2.0, 5.0
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {
@@ -215,7 +217,11 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     without = x.copy()
     without[[i for effect in effects for i in drive.vocabulary.columns_of(effect)]] = 0.0
     change = np.where(rows.used, (base - predicted(drive, without, flat(len(base))))[rows.at], 0.0)
-    rms = np.sqrt(np.sum(change**2, axis=0) / np.maximum(np.sum(rows.used, axis=0), 1))
+    count = np.maximum(np.sum(rows.used, axis=0), 1)
+    # Of the IMU what lasts all the way is the offset's to say.
+    lasting = np.sum(change[:, :_IMU], axis=0) / count[:_IMU]
+    change[:, :_IMU] -= np.where(rows.used[:, :_IMU], lasting, 0.0)
+    rms = np.sqrt(np.sum(change**2, axis=0) / count)
     found = np.hypot(rows.form, (_GRIP_FORM if _GRIP & set(effects) else _EFFECT_FORM) * rms)
     if {"road_bank", "road_grade"} & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
@@ -233,7 +239,9 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     bread = inverse(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
-    wrong = np.maximum(found.left / np.maximum(found.counts, 1.0) - floor**2, 0.0)
+    counts, noise = np.maximum(found.counts, 1.0), floor**2
+    block_power, by_chance = found.left / counts, _CHANCE * np.sqrt(2.0 * np.minimum(per_row, _NOISE_ROWS) / counts)
+    wrong = np.where(block_power > noise * (1.0 + by_chance), block_power - noise, 0.0)
     lasting = np.max(
         np.broadcast_arrays(power * per_row, steps**2 * _STEPS_LAST_ROWS, wrong * n / _WAYS_TO_BE_WRONG), axis=0
     )

@@ -17,6 +17,11 @@ from dsz_daemon.signals import IMU_CHANNELS
 _BEYOND, _NEARLY_ALL = 1.1, 0.999
 # An offset that drifts does so in each third of the way, by this share of what it does in all of it.
 _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
+# And by the end it has gone so many times as far as what is left beside it wanders (rms of blocks' means): a sensor's
+# flicker, whose power is the inverse of frequency, goes that far in one of 2000.
+_FAR_BEYOND = 7.5
+# A parameter is told by so many of its spreads.
+_TOLD = 2.0
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 
@@ -29,12 +34,24 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
+    return _ends(drive, fit, effect)
+
+
+def _ends(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether parameters stand at their ends: one that is told, or any where none of the others is told.
+
+    What a drive hardly tells goes to its end for next to nothing, while something else is still wrong.
+    """
+    at_end, told = [], []
     for i in drive.vocabulary.columns_of(effect):
         parameter = drive.vocabulary.columns[i][1]
-        at_end = any(end != 0.0 and abs(fit.x[i] - end) < 1e-6 * abs(end) for end in (parameter.low, parameter.high))
-        if at_end and math.isfinite(parameter.least):
-            return True
-    return False
+        if i not in fit.columns or not math.isfinite(parameter.least):
+            continue
+        ends = [end for end in (parameter.low, parameter.high) if end != 0.0]
+        at_end.append(any(abs(fit.x[i] - end) < 1e-6 * abs(end) for end in ends))
+        told.append(abs(fit.x[i]) > _TOLD * fit.std[fit.columns.index(i)])
+    pairs = list(zip(at_end, told, strict=True))
+    return any(end and sure for end, sure in pairs) or (any(at_end) and not any(told))
 
 
 def _lulls(drive: Drive, fit: Fit) -> bool:
@@ -51,7 +68,7 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
 
 
 def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
-    """Whether no offset that moves does so all the way: a sensor's flicker has gone one way by the end, too."""
+    """Whether no offset that moves does so all the way, and further than it wanders: flicker ends elsewhere, too."""
     least = {parameter.name: parameter.least for parameter in drive.vocabulary.described("bias_drift").parameters}
     for c, channel in enumerate(IMU_CHANNELS):
         slope = float(fit.x[INDEX[f"bias_drift.{channel}"]])
@@ -61,7 +78,11 @@ def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
         time_s, left = rows.at[used] * DT_S, fit.left[used, c]
         pieces = np.array_split(np.arange(len(left)), _PIECES)
         # What is left beside the drift, and the drift.
-        if min(1.0 + np.polyfit(time_s[one], left[one], 1)[0] / slope for one in pieces) > _STEADY:
+        if min(1.0 + np.polyfit(time_s[one], left[one], 1)[0] / slope for one in pieces) < _STEADY:
+            continue
+        count = np.bincount(rows.block[used])
+        means = (np.bincount(rows.block[used], left) / np.maximum(count, 1))[count > 0.5 * np.max(count)]
+        if abs(slope) * (time_s[-1] - time_s[0]) > _FAR_BEYOND * float(np.std(means)):
             return False
     return True
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dsz_daemon.diagnose.flat_tops import FlatTop, flat_top
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
@@ -41,6 +42,7 @@ class Recording(NamedTuple):
     configured radius. `floor` (10,) is the standard deviation that white noise of the unfiltered channels leaves, IMU
     channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel. `reference` (n, 4)
     and its floor (4,) are in the order of `REFERENCE`. `piece` (n,) counts recordings, between which `time_s` jumps.
+    `tops`: IMU channels whose readings stand at an end.
     """
 
     time_s: Floats
@@ -52,6 +54,7 @@ class Recording(NamedTuple):
     reference: Floats | None = None
     reference_floor: Floats | None = None
     piece: Ints | None = None
+    tops: tuple[FlatTop, ...] = ()
 
 
 def recorded(
@@ -70,6 +73,7 @@ def recorded(
         steering = _on_grid(signals.get("road_wheel_angle"), first, time_s)
     kernel = filter_kernel()
     smooth = {name: filtered(values, kernel) for name, values in raw.items()}
+    tops = [_top(c, signals.get(name), first) for c, name in enumerate(IMU_CHANNELS)]
     states, states_floor = on_grid_of(reference or {}, first, time_s) or (None, None)
     return Recording(
         time_s,
@@ -81,6 +85,7 @@ def recorded(
         states,
         states_floor,
         piece,
+        tuple(top for top in tops if top is not None),
     )
 
 
@@ -149,6 +154,13 @@ def _floor(signal: Signal | None, kernel: Floats) -> float:
         return math.nan
     period_s = float(np.median(np.diff(signal.t_ns))) * 1e-9
     return white_std(signal.values) * math.sqrt(float(np.sum(kernel**2)) * max(period_s / DT_S, 1.0))
+
+
+def _top(channel: int, signal: Signal | None, first_ns: int) -> FlatTop | None:
+    if signal is None or len(signal.t_ns) < 10:
+        return None
+    at_s = np.asarray((signal.t_ns - first_ns) * 1e-9, dtype=np.float64)
+    return flat_top(channel, at_s, signal.values, _step(signal), white_std(signal.values))
 
 
 def white_std(values: Floats) -> float:

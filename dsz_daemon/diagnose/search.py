@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, sensitivit
 from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
 from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted
-from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.guesses import guesses, read_off
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
@@ -180,6 +180,9 @@ class _Trial:
                     break
         if is_implausible(self.drive, self.rows, fit, effect):
             return Step(effect, -math.inf, fit)
+        if effect in GUESSED:
+            # What has no slope at 0 began with those of a guess.
+            fit = exactly(self.drive, self.rows, fit, self.tolerance)
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
     def _fitted(self, x: Floats, effects: tuple[str, ...]) -> Fit:
@@ -284,8 +287,9 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
     before, after = (fit.together[kind] if kind else fit.unseen for fit in (smaller, larger))
-    found = gain(before, after, count, per_row, form, _quiet(drive, smaller))
-    return found - _A_PARAMETER * len(moved)
+    found = gain(before, after, count, per_row, form, _quiet(drive, smaller)) - _A_PARAMETER * len(moved)
+    # That readings stand at a limit is seen without any simulation.
+    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
 
 
 def _quiet(drive: Drive, fit: Fit) -> Bools:

@@ -33,7 +33,7 @@ def _missed(name: str, causes: Sequence[Mapping[str, Any]], found: Mapping[str, 
     if name in {one["effect"] for one in found["could_not_test"]}:
         return "the drive shows less of it than noise"
     worst = _worst(found)
-    return f"gained too little where {worst}" if worst else "gained too little beside the noise"
+    return f"not named, while {worst}" if worst else f"not named, and no channel stays more than {_WRONG:g} times off"
 
 
 def _extra(name: str, planted: Collection[str], causes: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> str:
@@ -43,7 +43,7 @@ def _extra(name: str, planted: Collection[str], causes: Sequence[Mapping[str, An
     if instead:
         return f"in place of {', '.join(instead)}"
     worst = _worst(found)
-    return f"gained where {worst}" if worst else "gained, and nothing else tells why"
+    return f"named, while {worst}" if worst else f"named, and no channel stays more than {_WRONG:g} times off"
 
 
 def _worst(found: Mapping[str, Any]) -> str:

@@ -242,7 +242,13 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(answer, "_values", lambda *_: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
-    monkeypatch.setattr(answer, "alternatives", lambda *_: (["gyro_scale"], []))
+    doubts: list[float] = []
+
+    def alternatives(_: Any, __: str, doubt: float = 1.0) -> tuple[list[str], list[Any]]:
+        doubts.append(doubt)
+        return ["gyro_scale"], []
+
+    monkeypatch.setattr(answer, "alternatives", alternatives)
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
 
@@ -255,7 +261,10 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     assert told(21.0, 1.0).parameters["x"] == Value(0.1, 0.03, "1")
     assert told(39.0, 2.0) is None
     # What it is wrong by is in the spreads of the fit already.
+    doubts.clear()
     assert told(41.0, 2.0).parameters["x"] == Value(0.1, 0.03, "1")
+    # The alternatives are weighed by it.
+    assert doubts == [2.0]
     # What has no formula fits nearly anything.
     monkeypatch.setattr(answer, "_values", lambda *_: {"rms_rad": (0.02, None)})
     assert told(79.0, 2.0, "road_bank") is None

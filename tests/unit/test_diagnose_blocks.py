@@ -75,9 +75,11 @@ def test_what_is_left_beyond_the_noise_does_not_average_out(blocks: int) -> None
     box, none = Box(*np.array([[-1e6], [1e6], [1e-9]])), np.zeros((blocks, 13))
     [[variance]] = _covariance(weighed, np.ones(13), box, none, np.ones((blocks, 13)))
     assert variance == pytest.approx((9.0 - 1.0) / 8.0 / 2.0**2)
-    # Of no more than noise nothing of the kind.
-    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0))
+    # Of no more than noise nothing of the kind: 25 rows of it are up to 1 + 2 sqrt(2 / 25) times as much by chance.
+    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0 / 1.56**0.5))
     assert variance == pytest.approx(9.0 / n / 2.0**2)
+    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0 / 1.58**0.5))
+    assert variance == pytest.approx((9.0 - 9.0 / 1.58) / 8.0 / 2.0**2)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose import answer, prediction
+from dsz_daemon.diagnose import fit as fitting
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
@@ -471,6 +472,34 @@ def test_a_spread_is_no_less_than_what_the_steerings_steps_leave_open() -> None:
     assert least < fit.std[fit.columns.index(i)] < 1.5 * least
 
 
+def test_where_a_simulation_fits_its_noise_is_no_way_to_be_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spreads are what they would be with any number of ways to be wrong; those of a misfit are not."""
+    right = drive({"accel_scale.y": 0.03}, CITY_V, CITY_STEER)
+    wrong = drive({"accel_scale.y": 0.03, "imu_delay.delay_s": 0.1}, CITY_V, CITY_STEER)
+
+    def spread(one: Drive) -> float:
+        fit = fitted(one, rows_of(one), nothing(), ("accel_scale",), TOLERANCE)
+        at = fit.columns.index(INDEX["accel_scale.y"])
+        return float(fit.std[at] ** 2 - (0.02 * fit.x[fit.columns[at]]) ** 2) ** 0.5
+
+    usual = [spread(one) for one in (right, wrong)]
+    monkeypatch.setattr(fitting, "_WAYS_TO_BE_WRONG", 1e9)
+    alike = [spread(one) for one in (right, wrong)]
+    assert usual[0] == pytest.approx(alike[0], rel=0.3)
+    assert usual[1] > 1.5 * alike[1]
+
+
+def test_what_lasts_all_the_way_makes_no_form_coarse() -> None:
+    """A cross axis of g is an offset: of 1 m/s2 that never changes nothing is the simulation's coarseness."""
+    one = drive({"accel_cross_axis.yz": 0.1}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    start = nothing()
+    start[INDEX["accel_cross_axis.yz"]] = 0.1
+    fit = fitted(one, rows, start, ("accel_cross_axis",), TOLERANCE)
+    assert fit.x[INDEX["accel_cross_axis.yz"]] > 0.05
+    assert fit.form[4] < 2.0 * rows.form[4]
+
+
 def test_what_two_parameters_share_is_in_their_covariance() -> None:
     """Radii of a wheel pair in a straight drive: their difference is told by the wheels, their sum by a_x alone."""
     v = 12.0 + 4.0 * np.sin(0.3 * T)
@@ -504,7 +533,7 @@ def test_where_the_best_is_denied_the_next_is_judged() -> None:
 
 
 def test_a_tyres_limit_is_drawn_more_coarsely_than_all_else() -> None:
-    """A tenth of what the limit does to a channel may be the curve's own shape."""
+    """A tenth of what the limit does to a channel, but for its mean, may be the curve's own shape."""
     steer = 0.10 * np.sin(0.9 * T)
     one = drive({"tyre_saturation.inverse_square": 2.0}, np.full(N, 14.0), steer)
     rows = rows_of(one)
@@ -512,7 +541,7 @@ def test_a_tyres_limit_is_drawn_more_coarsely_than_all_else() -> None:
     without = fit.x.copy()
     without[list(one.vocabulary.columns_of("tyre_saturation"))] = 0.0
     change = (predicted(one, fit.x, fit.road) - predicted(one, without, flat(N)))[rows.at, 4][rows.used[:, 4]]
-    assert fit.form[4] == pytest.approx(np.hypot(rows.form[4], 0.1 * np.sqrt(np.mean(change**2))))
+    assert fit.form[4] == pytest.approx(np.hypot(rows.form[4], 0.1 * np.sqrt(np.mean((change - np.mean(change)) ** 2))))
 
 
 def test_tracks_that_are_configured_wrongly_are_said_as_such() -> None:
@@ -531,7 +560,7 @@ def test_no_limit_is_below_what_is_read() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     x = nothing()
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = furthest = float(np.max(np.abs(one.measured[:, 3:5])))
-    fit: Any = SimpleNamespace(x=x)
+    fit: Any = SimpleNamespace(x=x, columns=())
     assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.5 * furthest
     assert is_implausible(one, rows_of(one), fit, "sensor_saturation")

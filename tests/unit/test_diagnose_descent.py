@@ -156,6 +156,27 @@ def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_th
     assert falling.taken_at == ([] if roughly else [9])
 
 
+@pytest.mark.parametrize(("known", "first"), [(True, [0]), (False, [])])
+def test_a_known_start_has_one_first_step_and_one_that_is_not_known_has_none(
+    monkeypatch: pytest.MonkeyPatch, known: bool, first: list[int]
+) -> None:
+    falling: Any = Falling()
+    seen: list[int] = []
+
+    def first_step(slope: Any, here: Place, slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+        seen.append(len(slope.losses))
+        found: tuple[Place, np.ndarray, np.ndarray] = slope.step(here, slopes)
+        return found
+
+    monkeypatch.setattr(descent, "_first_step", first_step)
+    left = np.zeros((100, 13))
+    left[:, 0] = 3.0
+    nowhere: Any = None
+    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)))
+    descent.descended(falling, here, np.zeros((100, 13, 1)) if known else None, 0.01)
+    assert seen == first
+
+
 @pytest.mark.parametrize(("usual_left", "other_left", "chosen"), [(0.5, 0.1, "other"), (0.1, 0.5, "usual")])
 def test_a_known_start_first_tries_what_would_put_all_blocks_right(
     usual_left: float, other_left: float, chosen: str

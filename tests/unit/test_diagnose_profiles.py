@@ -26,7 +26,7 @@ LATE = {"imu_delay": "imu_delay.delay_s", "sensor_bandwidth": "sensor_bandwidth.
 
 
 def wind(of: Any, force_n: np.ndarray) -> Any:
-    return SimpleNamespace(x=nothing(), road=flat(N)._replace(side_n=force_n))
+    return SimpleNamespace(x=nothing(), columns=(), road=flat(N)._replace(side_n=force_n))
 
 
 def test_wind_blows_all_the_way() -> None:
@@ -262,6 +262,31 @@ def test_an_offset_that_drifts_does_so_all_the_way() -> None:
     assert not moved(0.1 * (1.0 - np.exp(-T / 60.0)))
     assert moved(0.03 * np.clip((T - 20.0) / 20.0, 0.0, 1.0))
     assert moved(np.where(T < 40.0, 1e-3 * T, 0.04))
+
+
+@pytest.mark.parametrize(("wander", "too_much"), [(0.008, False), (0.025, True)])
+def test_an_offset_that_drifts_goes_further_than_it_wanders(wander: float, too_much: bool) -> None:
+    """0.06 in a minute beside a wave of 12 s, which lasts 5 s and leaves 0.74 of its rms: 14 and 4.6 times as far."""
+    one = drive({}, CITY_V, CITY_STEER)
+    one.measured[:, 5] += 1e-3 * T + wander * np.sin(2.0 * np.pi * T / 12.0)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("bias_drift",), TOLERANCE)
+    assert is_implausible(one, rows, fit, "bias_drift") is too_much
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sensors_flicker_is_no_drift(seed: int) -> None:
+    """Power that is the inverse of frequency, of six channels."""
+    rng = np.random.default_rng(seed)
+    hertz = np.fft.rfftfreq(4 * len(T), T[1])
+    hertz[0] = np.inf
+    one = drive({}, CITY_V, CITY_STEER, seed)
+    for c in range(6):
+        flicker = np.fft.irfft(hertz**-0.5 * (rng.normal(size=len(hertz)) + 1j * rng.normal(size=len(hertz))))[: len(T)]
+        one.measured[:, c] += 0.02 * flicker / np.std(flicker) * (0.1 if c < 3 else 1.0)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("bias_drift",), TOLERANCE)
+    assert is_implausible(one, rows, fit, "bias_drift")
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])

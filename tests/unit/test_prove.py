@@ -278,14 +278,14 @@ def test_a_failure_has_a_reason(tmp_path: Path) -> None:
     ]
     untested = [{"effect": "imu_delay", "why": "shows by less than noise does"}]
     assert why([], could_not_test=untested) == ["imu_delay: the drive shows less of it than noise"]
-    assert why([], level={"accel_y": 6.2, "gyro_z": 7.0}) == [
-        "imu_delay: gained too little where gyro_z stays 7 times off"
-    ]
-    assert why([], level={"accel_y": 2.9}) == ["imu_delay: gained too little beside the noise"]
+    assert why([], level={"accel_y": 6.2, "gyro_z": 7.0}) == ["imu_delay: not named, while gyro_z stays 7 times off"]
+    assert why([], level={"accel_y": 2.9}) == ["imu_delay: not named, and no channel stays more than 3 times off"]
     assert why([cause("imu_delay"), cause("wheel_slip")], level={"accel_y": 6.2}) == [
-        "wheel_slip too many: gained where accel_y stays 6 times off"
+        "wheel_slip too many: named, while accel_y stays 6 times off"
     ]
-    assert why([cause("imu_delay"), cause("wheel_slip")]) == ["wheel_slip too many: gained, and nothing else tells why"]
+    assert why([cause("imu_delay"), cause("wheel_slip")]) == [
+        "wheel_slip too many: named, and no channel stays more than 3 times off"
+    ]
 
 
 def test_the_page_tells_failures_first(tmp_path: Path) -> None:
@@ -296,6 +296,6 @@ def test_the_page_tells_failures_first(tmp_path: Path) -> None:
     failures = written[written.index("## Failures") : written.index("## By effect")]
     assert "| 77 |" in failures
     assert failures.count("\n| ") == 2
-    assert "wheel_slip too many: gained, and nothing else tells why |" in failures
+    assert "wheel_slip too many: named, and no channel stays more than 3 times off |" in failures
     assert "false alarms on nulls | 1 of 1" in written
     assert MILD <= 0.01
