@@ -15,13 +15,17 @@ OWN, THIRD_PARTY = "own", "third_party"
 SECONDS = 150.0
 PLAIN, SMALL, NEAR_FLOOR = 1.0, 0.3, 0.1
 # Of all trials; the rest are singles. Of a third party's car nothing is no null, so that nulls are the own car's.
-NULLS, PAIRS, ALIASES, LOCAL, NAMELESS = 0.30, 0.12, 0.04, 0.04, 0.16
+NULLS, PAIRS, ALIASES, LOCAL, NAMELESS, SHAKING = 0.30, 0.12, 0.04, 0.04, 0.16, 0.04
+# Singles of the third party's car with its tyres as published, which shake it: counted by themselves.
+AS_PUBLISHED = "as_published"
 _THIRD_PARTYS = 0.4
 # Effects that the other of the pair hides, or that no drive of this kind reaches the limits of.
 _NOT_IN_PAIRS = {"axis_fault", "low_friction", "mass_loading", "cornering_stiffness", "steering_compliance"} | {
     "tyre_saturation"
 }
 _SAME_TURN = ("mass_loading", "cornering_stiffness", "steering_compliance")
+# Smaller ones are nothing: a limit that no drive gets to, stiffnesses within what is configured as their tolerance.
+_ONLY_PLAIN = {"sensor_saturation", "cornering_stiffness"}
 # Reached by these drives (some 3.5 m/s2), unlike the vocabulary's plain ones.
 _GRIP = {"tyre_saturation": 0.5, "low_friction": 0.35}
 # An even smaller share of plain effects that a car has mildly on: nobody could know.
@@ -51,6 +55,7 @@ def trials(seed: int, count: int) -> list[Trial]:
     groups: list[str] = []
     for group, share in (
         ("null", NULLS), ("pair", PAIRS), ("alias_pair", ALIASES), ("local", LOCAL), ("unlisted", NAMELESS),
+        (AS_PUBLISHED, SHAKING),
     ):  # fmt: skip
         groups += [group] * round(share * count)
     groups += ["single"] * (count - len(groups))
@@ -59,13 +64,16 @@ def trials(seed: int, count: int) -> list[Trial]:
 
 
 def _trial(rng: np.random.Generator, number: int, group: str) -> Trial:
-    own = group in {"null", "alias_pair", "local"} or rng.random() > _THIRD_PARTYS
+    own = group in {"null", "alias_pair", "local"} or (group != AS_PUBLISHED and rng.random() > _THIRD_PARTYS)
     car = OWN if own else THIRD_PARTY
     kind = str(rng.choice(["city", "city", "highway"]))
     size = float(rng.choice([PLAIN, SMALL, NEAR_FLOOR], p=[0.5, 0.3, 0.2])) if group == "single" else PLAIN
     if group == "unlisted":
         size = float(rng.choice([PLAIN, SMALL], p=[0.7, 0.3]))
     effects = tuple(_choice(rng, name, size) for name in _names(rng, group, car, size))
+    if group == "alias_pair":
+        # A load in the back would undo what the other of the pair does.
+        effects = tuple(choice if choice.name != "mass_loading" else _in_front(choice) for choice in effects)
     unlisted: tuple[tuple[str, float, float], ...] = ()
     if group == "unlisted":
         name = str(rng.choice(list(UNLISTED)))
@@ -87,8 +95,9 @@ def _names(rng: np.random.Generator, group: str, car: str, size: float) -> list[
         return [str(name) for name in rng.choice(_SAME_TURN, 2, replace=False)]
     if group == "pair":
         return [str(n) for n in rng.choice([n for n in there if n not in _NOT_IN_PAIRS], 2, replace=False)]
-    if group == "single":
-        sized = [name for name in there if name != "low_friction" and at_size(name, size) is not None]
+    if group in {"single", AS_PUBLISHED}:
+        never = {"low_friction"} | (set() if size == PLAIN else _ONLY_PLAIN)
+        sized = [name for name in there if name not in never and at_size(name, size) is not None]
         return [str(rng.choice(sized))]
     return []
 
@@ -109,6 +118,10 @@ def _choice(rng: np.random.Generator, name: str, size: float) -> Choice:
     if name in {"imu_lever_arm", "imu_misalignment", "steering_offset"} and rng.random() < 0.5:
         found = Choice(name, {key: -float(value) for key, value in found.given.items()})
     return found
+
+
+def _in_front(loading: Choice) -> Choice:
+    return Choice(loading.name, {**loading.given, "cg_shift_m": abs(float(loading.given["cg_shift_m"]))})
 
 
 def _mild(rng: np.random.Generator, planted: set[str]) -> tuple[Choice, ...]:

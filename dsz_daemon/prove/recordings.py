@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dsz_daemon.edge.log_writer import CandumpWriter
 from dsz_daemon.edge.scenario_files import CONFIG, RECORDING
 from dsz_daemon.prove import own_car, third_party_car
-from dsz_daemon.prove.mix import OWN, SECONDS, Trial, as_truth
+from dsz_daemon.prove.mix import AS_PUBLISHED, OWN, SECONDS, Trial, as_truth
 from dsz_daemon.prove.unlisted import with_unlisted
 from dsz_daemon.prove.ways import car, way
 from dsz_daemon.sim.drive import Columns
@@ -56,7 +56,8 @@ def _driven(trial: Trial) -> SimulatedDrive:
         there = (*trial.effects, *trial.mild, *_stiffness(trial))
         return own_car.simulated(car(rng), way(rng, trial.kind, SECONDS), trial.seed, SECONDS, there, errors, changed)
     there_way = way(rng, trial.kind, SECONDS, may_stand=False)
-    return third_party_car.simulated(there_way, trial.seed, SECONDS, trial.effects, errors, changed)
+    published = trial.group == AS_PUBLISHED
+    return third_party_car.simulated(there_way, trial.seed, SECONDS, trial.effects, errors, changed, published)
 
 
 def _stiffness(trial: Trial) -> tuple[Choice, ...]:

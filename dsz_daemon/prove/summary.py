@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsz_daemon.prove.mix import OWN
+from dsz_daemon.prove.mix import AS_PUBLISHED, OWN
 
 Scores = Sequence[dict[str, Any]]
 
@@ -35,7 +35,9 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
 
 
 def summary(scores: Scores) -> dict[str, Any]:
-    """All figures of a proof; of each group by its own."""
+    """All figures of a proof; of each group by its own, and those of a car that shakes itself by themselves alone."""
+    shaken = [one for one in scores if one["group"] == AS_PUBLISHED]
+    scores = [one for one in scores if one["group"] != AS_PUBLISHED]
     nulls = [one for one in scores if one["group"] == "null"]
     listed = [one for one in scores if one["planted"]]
     singles = [one for one in scores if one["group"] == "single"]
@@ -55,6 +57,8 @@ def summary(scores: Scores) -> dict[str, Any]:
         "alias_pairs": share(one["first_or_alias"] for one in scores if one["group"] == "alias_pair"),
         "unlisted_misnamed": share(bool(one["extra"]) for one in nameless),
         "unlisted_found": share(one["unlisted_found"] for one in nameless),
+        "as_published": share(one["first"] for one in shaken),
+        "as_published_extras": share(bool(one["extra"]) for one in shaken),
         "inside_95": share(value < _Z for value in off),
         "brier": _mean((p - right) ** 2 for p, right in stated),
         "reliability": _reliability(stated),

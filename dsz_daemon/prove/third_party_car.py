@@ -68,10 +68,14 @@ def simulated(
     effects: Sequence[Choice],
     errors: SensorErrors,
     changed: Changed = lambda columns: columns,
+    as_published: bool = False,
 ) -> SimulatedDrive:
-    """The drive's first seconds, with these effects in it; `errors` are what its sensors get wrong in any case."""
+    """The drive's first seconds, with these effects in it; `errors` are what its sensors get wrong in any case.
+
+    `as_published`: with tyres that shake the car, see the model.
+    """
     rng = np.random.default_rng([seed, 7])
-    parameters = model.bmw_320i()
+    parameters = model.bmw_320i(as_published)
     known = _configured(parameters, round(float(rng.uniform(13.0, 18.0)), 2))
     programme = programme_along(way.legs, way.stand_s, way.start_mps)
     world = with_effects(World(known, FLAT, programme, errors), effects)

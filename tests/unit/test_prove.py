@@ -44,6 +44,23 @@ def test_the_mix_is_drawn_by_the_seed_and_in_no_order() -> None:
     assert not [fault for trial in drawn for fault in faults([*trial.effects, *trial.mild])]
 
 
+def test_what_is_drawn_can_be_known() -> None:
+    """No limit that no drive gets to, no stiffness within its tolerance, no load that undoes a soft steering."""
+    drawn = trials(5, 1000)
+    sizes: dict[str, set[float]] = {}
+    for trial in drawn:
+        if trial.group == "single":
+            sizes.setdefault(trial.effects[0].name, set()).add(trial.size)
+    assert {name for name, there in sizes.items() if there == {1.0}} == {
+        "sensor_saturation", "cornering_stiffness", "axis_fault",
+    }  # fmt: skip
+    loads = [choice for trial in drawn if trial.group == "alias_pair" for choice in trial.effects]
+    shifts = {float(choice.given["cg_shift_m"]) for choice in loads if choice.name == "mass_loading"}
+    assert shifts == {0.15}
+    alone = [choice for trial in drawn if trial.group == "single" for choice in trial.effects]
+    assert {float(c.given["cg_shift_m"]) for c in alone if c.name == "mass_loading"} <= {-0.15, -0.045, -0.015}
+
+
 def test_of_nulls_half_have_another_stiffness_and_nothing_else() -> None:
     nulls = [trial for trial in trials(5, 1000) if trial.group == "null"]
     assert {trial.effects + trial.unlisted + trial.mild for trial in nulls} == {()}

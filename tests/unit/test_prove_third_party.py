@@ -42,6 +42,25 @@ def test_compiled_it_is_the_packages_own_to_the_last_bit() -> None:
         assert list(f(state.copy(), inputs, numbers)) == theirs
 
 
+@pytest.mark.parametrize(("as_published", "shakes"), [(True, True), (False, False)])
+def test_as_published_it_shakes_itself_straight_ahead(as_published: bool, shakes: bool) -> None:
+    """Twelve seconds after a gust the steering has stood still all the time: no car goes on by itself."""
+    n = round(15.0 / model.STEP_S)
+    one, gust = np.ones(n), np.zeros(n)
+    gust[500:1000] = 500.0
+    states, changes, _ = model.courses(
+        model.as_numbers(model.bmw_320i(as_published)), 0 * one, 15.0 * one, 0 * one, 0 * one, gust, 0.0
+    )
+    across = changes[:, model.ACROSS] + states[:, model.YAW_RATE] * states[:, model.ALONG]
+    late = across[-3000:]
+    if shakes:
+        assert np.std(late) > 0.05
+        spectrum = np.abs(np.fft.rfft(late - np.mean(late)))
+        assert 1.2 < np.fft.rfftfreq(len(late), model.STEP_S)[int(np.argmax(spectrum))] < 2.1
+    else:
+        assert np.std(late) < 1e-3
+
+
 def test_a_steady_turn_is_that_of_a_neutral_car() -> None:
     """Stiffness in proportion to load: r = v delta / L; the body leans out of the bend (to the left: roll < 0)."""
     parameters = model.bmw_320i()
