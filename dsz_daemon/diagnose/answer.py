@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import OF_ITSELF, OWN_CHANNEL, Fit
+from dsz_daemon.diagnose.fit import OF_ITSELF, OWN_CHANNEL, Fit, values_of
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
@@ -23,7 +23,7 @@ from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
-from dsz_daemon.diagnose.search import Search, values_of
+from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 

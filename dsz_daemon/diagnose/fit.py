@@ -257,3 +257,13 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     # Of what is hardly told rounding may leave anything.
     np.fill_diagonal(covariance, np.maximum(more, 0.0))
     return np.asarray(covariance, dtype=np.float64)
+
+
+def values_of(drive: Drive, fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
+    """(value, spread) of each parameter of an effect."""
+    place = {column: i for i, column in enumerate(fit.columns)}
+    return {
+        drive.vocabulary.columns[i][1].name: (float(fit.x[i]), float(fit.std[place[i]]))
+        for i in (drive.vocabulary.columns_of(effect) if effect else NUISANCES)
+        if i in place
+    }

@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, floors, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
-from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, UPRIGHT, Fit, Slopes, box_of, exactly, fitted
-from dsz_daemon.diagnose.guesses import guesses, read_off
+from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of, exactly, fitted
+from dsz_daemon.diagnose.gains import gained, quiet
+from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
@@ -27,8 +28,6 @@ from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
 
-# A parameter more has to be paid for; one that the drive does not move is none.
-_A_PARAMETER = 3.0
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
 # Those that a linear step brings so much of what it brings the best; the others' turn may come.
@@ -38,8 +37,6 @@ _TRIED, _WORTH = 7, 0.05
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
 # What a profile has lost after some rounds of its fit no further ones bring back.
 _LOST = -20.0
-# Of the power that noise and form may leave: a channel with less has nothing to gain.
-_QUIET = 0.7
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 _MOST_EFFECTS = 6
@@ -106,11 +103,8 @@ def searched(
         trial = _Trial(drive, rows, best, tolerance, known)
         tried = list(each(trial.fit, [start for start in starts if start[0] not in refused]))
         tried = _ranked(drive, best, _judged(trial, tried, each))
-        shape, named = best_shape(drive, rows, best), max((step.gain for step in tried), default=0.0)
-        if named > LEAST_GAIN:
-            beside = shape_beside(drive, rows, best, known, tolerance, _quiet(drive, best))
-            if beside is not None and (shape is None or beside.gain > shape.gain):
-                shape = beside
+        named = max((step.gain for step in tried), default=0.0)
+        shape = _likeliest_shape(drive, rows, best, known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
@@ -128,6 +122,10 @@ def searched(
         if not tried:
             break
         before, gained_before, new = best, dict(gains), tried[0].effect
+        settled = _settled(drive, rows, best, tried[0], tolerance, each)
+        if settled is not None:
+            best = settled
+            continue
         elsewhere[new] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
         best = tried[0].fit
         if not best.road.bank_rad.any() and not best.road.grade_rad.any():
@@ -142,6 +140,16 @@ def searched(
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
     return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+
+
+def _likeliest_shape(
+    drive: Drive, rows: Rows, best: Fit, known: Slopes, tolerance: Mapping[str, float], *, beside: bool
+) -> Found | None:
+    """What has no name, found in what is left, or `beside` all that is fitted again."""
+    shapes = [best_shape(drive, rows, best)]
+    if beside:
+        shapes.append(shape_beside(drive, rows, best, known, tolerance, quiet(drive, best)))
+    return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
 
 
 def _starts(
@@ -247,9 +255,6 @@ def _enough_first(ranked: list[Step], enough: float) -> list[Step]:
     return [*gaining, *(step for step in ranked if step.gain < enough)] if gaining else []
 
 
-# A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
-# since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
-_NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
 # So much more than noise and form has to be left of what a profile shows in for it to be thought of: the lateral
 # acceleration, or one of a road's gyro and the accelerometer that tilts with it.
 _FELT = 1.2
@@ -265,37 +270,6 @@ def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
         for c in _SHOWN_IN[effect]
         if rows.used[:, c].any()
     )
-
-
-def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> float:
-    """Log likelihood that the larger model gains on blocks that its fit has not seen.
-
-    `per_row` (13,): how many rows count as one, if not as many as hang together in what the larger model leaves.
-    `kind`: on whole manoeuvres, or recordings, that it has not seen.
-    """
-    per_row = larger.per_row if per_row is None else per_row
-    count, form = larger.sums.counts.copy(), smaller.form.copy()
-    for effect in set(larger.effects) - set(smaller.effects):
-        count[:, _NO_JUDGES.get(effect, [])] = 0.0
-        if effect in {"road_bank", "road_grade"}:
-            # With the profile comes its gyro's noise.
-            form[UPRIGHT] = max(form[UPRIGHT], larger.form[UPRIGHT])
-    parameters = drive.vocabulary.columns
-    moved = [
-        i
-        for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
-        if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
-    ]
-    before, after = (fit.together[kind] if kind else fit.unseen for fit in (smaller, larger))
-    found = gain(before, after, count, per_row, form, _quiet(drive, smaller)) - _A_PARAMETER * len(moved)
-    # That readings stand at a limit is seen without any simulation.
-    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
-
-
-def _quiet(drive: Drive, fit: Fit) -> Bools:
-    """Channels (13,) in which no more is left than noise and form leave."""
-    power = fit.unseen.sum(axis=0) / np.maximum(fit.sums.counts.sum(axis=0), 1.0)
-    return np.asarray(power < _QUIET * (np.nan_to_num(floors(drive)) ** 2 + fit.form**2))
 
 
 def _screened(
@@ -334,6 +308,17 @@ def _without(
         start[list(drive.vocabulary.columns_of(effect))] = 0.0
     rest = tuple(name for name in best.effects if name not in effects)
     return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
+
+
+def _settled(drive: Drive, rows: Rows, best: Fit, step: Step, tolerance: Mapping[str, float], each: Each) -> Fit | None:
+    """The model as a step's fit leaves it but without the step's effect, if that is all that the step gains.
+
+    Beside a road fits are not settled: what any other candidate would have brought, too, is the model's own.
+    """
+    if not OWN_CHANNEL.keys() & set(best.effects):
+        return None
+    settled = _without(drive, rows, step.fit, tolerance, (step.effect,), each)
+    return settled if gained(drive, settled, step.fit) < LEAST_GAIN < gained(drive, best, settled) else None
 
 
 def _plausible(
@@ -388,13 +373,3 @@ def tolerance_gain(found: Search, each: Each = map) -> float:
     start[[INDEX[p.name] for p in TOLERATED]] = 0.0
     held = fitted(found.drive, found.rows, start, found.best.effects, {}, each=each, felt=found.best.felt)
     return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)
-
-
-def values_of(drive: Drive, fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
-    """(value, spread) of each parameter of an effect."""
-    place = {column: i for i, column in enumerate(fit.columns)}
-    return {
-        drive.vocabulary.columns[i][1].name: (float(fit.x[i]), float(fit.std[place[i]]))
-        for i in (drive.vocabulary.columns_of(effect) if effect else NUISANCES)
-        if i in place
-    }

@@ -12,6 +12,7 @@ from core_cases import TUCSON
 
 from dsz_daemon.diagnose import answer, prediction
 from dsz_daemon.diagnose import fit as fitting
+from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
@@ -151,6 +152,42 @@ def test_what_had_to_go_is_not_tried_again_beside_the_same(monkeypatch: pytest.M
     # Where no name may stay, a shape may.
     assert len([effect for effect in search.best.effects if ":" not in effect]) == 1
     assert 4 <= sum(words.startswith("screening") for words in said) <= 8
+
+
+@pytest.mark.parametrize(
+    ("effects", "newest_gains", "without_gains", "is_settled"),
+    [
+        (("road_bank",), 9.0, 50.0, True),
+        (("wheel_slip", "side_wind"), 9.0, 11.0, True),
+        (("road_bank",), 11.0, 50.0, False),
+        (("road_bank",), 9.0, 9.0, False),
+        (("wheel_slip",), 9.0, 50.0, False),
+        ((), 9.0, 50.0, False),
+    ],
+)
+def test_beside_a_road_what_any_candidate_would_bring_is_the_models_own(
+    monkeypatch: pytest.MonkeyPatch,
+    effects: tuple[str, ...],
+    newest_gains: float,
+    without_gains: float,
+    is_settled: bool,
+) -> None:
+    """A fit with a road is not settled: what is gained without the newest, too, is no reason to name that."""
+    best, fit, without = (SimpleNamespace(effects=there) for there in (effects, (*effects, "gyro_scale"), effects))
+    none: Any = None
+
+    def refitted(_: Any, __: Any, start: Any, ___: Any, newest: Any, ____: Any) -> Any:
+        assert (start, newest) == (fit, ("gyro_scale",))
+        return without
+
+    def gains(_: Any, smaller: Any, larger: Any) -> float:
+        return {(id(without), id(fit)): newest_gains, (id(best), id(without)): without_gains}[id(smaller), id(larger)]
+
+    monkeypatch.setattr(search_module, "_without", refitted)
+    monkeypatch.setattr(search_module, "gained", gains)
+    the_best: Any = best
+    found = search_module._settled(none, none, the_best, Step("gyro_scale", 60.0, fit), {}, map)
+    assert found is (without if is_settled else None)
 
 
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
