@@ -12,7 +12,7 @@ import numpy as np
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
-from dsz_daemon.signals import IMU_CHANNELS
+from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
@@ -32,7 +32,7 @@ FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
 # m/s^2: no accelerometer is so still.
-_STILL_MPS2, _UPRIGHT, _AT_LIMIT = 1e-5, 5, 0.05
+_STILL_MPS2, _UPRIGHT, _AT_LIMIT, _OF_GRAVITY = 1e-5, 5, 0.05, 0.95
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
@@ -112,16 +112,17 @@ def rows_of(drive: Drive) -> Rows:
 
 
 def _stands_at_the_limit(measured: Floats, used: Bools) -> bool:
-    """Whether gravity alone is beyond the limit of a vertical accelerometer that reaches just as far as the others do.
+    """Whether gravity alone is beyond the limit of a vertical accelerometer that reaches as far as the others do.
 
     It shows one number all the way, which any simulation that clips there matches to the last digit. One that is dead
-    shows another, and is compared.
+    shows another (less than the others, or gravity), and is compared.
     """
     upright, level = measured[used[:, _UPRIGHT], _UPRIGHT], measured[:, _UPRIGHT - 2 : _UPRIGHT]
     if not len(upright) or not np.isfinite(level).any():
         return False
     furthest = float(np.nanmax(np.abs(level)))
-    return bool(np.ptp(upright) < _STILL_MPS2 and abs(abs(upright[0]) - furthest) < _AT_LIMIT * furthest)
+    low, high = (1.0 - _AT_LIMIT) * furthest, _OF_GRAVITY * STANDARD_GRAVITY_MPS2
+    return bool(np.ptp(upright) < _STILL_MPS2 and low < upright[0] < high)
 
 
 def _together(drive: Drive, at: Ints, used: Bools, block: Ints) -> dict[str, Ints]:

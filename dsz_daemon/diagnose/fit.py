@@ -30,6 +30,7 @@ from dsz_daemon.diagnose.evidence import (
     inverse,
     sums,
 )
+from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -205,6 +206,9 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
+    for i in limits_read_off(drive, x) if "sensor_saturation" in effects else ():
+        # Readings tell it to the last digit, but for what the filter makes of short tops.
+        std[columns.index(i)] = OF_ITSELF * x[i]
     road, felt = here.road, here.felt
     return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance)
 

@@ -11,11 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
+
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 # Two readings in a row are alike by chance: so rarely at best, whatever was counted, and so often at most. Above, the
 # noise is finer than the resolution, and any gentle peak stands still.
 _RARELY, _OFTEN = 0.01, 0.2
+# A vertical accelerometer that shows less than this of gravity all the way stands there; or is stuck, which is rarer.
+_OF_GRAVITY, _ALL_THE_WAY = 0.95, 150.0
+_UPRIGHT = 5
 # Log odds of what the furthest of many readings may do by chance.
 _LEAST = 10.0
 
@@ -35,6 +40,8 @@ def flat_top(channel: int, at_s: Floats, values: Floats, step: float, noise: flo
     `step` is their resolution, `noise` the standard deviation of what is white in them: two of the same value are alike
     with a chance of step / (2 sqrt(pi) noise).
     """
+    if channel == _UPRIGHT and np.ptp(values) == 0.0 and 0.0 < values[0] < _OF_GRAVITY * STANDARD_GRAVITY_MPS2:
+        return FlatTop(channel, float(values[0]), _ALL_THE_WAY, at_s)
     if step <= 0.0 or not noise > 0.0 or not np.isfinite(values).all():
         return None
     furthest = float(np.max(np.abs(values)))

@@ -7,7 +7,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Bools, floors
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
-from dsz_daemon.diagnose.guesses import read_off
+from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.prediction import Drive, Floats
 
 # A parameter more has to be paid for; one that the drive does not move is none.

@@ -10,17 +10,12 @@ from dsz_daemon.diagnose.comparison import ROW_S, Rows, residual
 from dsz_daemon.diagnose.descent import loss_of_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
-from dsz_daemon.diagnose.flat_tops import FlatTop
+from dsz_daemon.diagnose.limits import LIMITS, reaches, tops_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
 
 # The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
 _BEYOND, _FOR_ROWS = 1.02, 5
-# Or it goes so much of the way to where readings stand still: else they stand there for another reason.
-_REACHES = 0.8
-# So near to each other a limit and where readings stand are the same: behind the filter short tops are lower.
-_SAME = 0.05
-_LIMITS = ((0, "gyro_limit_radps"), (3, "accel_limit_mps2"))
 # A slippery stretch: so long at least, and so much of log likelihood has to be gained in it.
 _SHORTEST_S, _LEAST = 2.0, 10.0
 _YAW, _ACROSS = 2, 4
@@ -41,8 +36,8 @@ def guesses(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
     course = predicted(drive, x, flat(len(drive.steer)))
     found, start = course[rows.at], x.copy()
-    for first, name in _LIMITS:
-        limits = [top.limit for top in _tops(drive, first) if _reaches(drive, course, top)]
+    for first, name in LIMITS:
+        limits = [top.limit for top in tops_of(drive, first) if reaches(drive, course, top)]
         for c in range(first, first + 3):
             used = rows.used[:, c]
             if np.count_nonzero(used) < 100:
@@ -53,27 +48,6 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
         if limits:
             start[INDEX[f"sensor_saturation.{name}"]] = max(limits)
     return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
-
-
-def _tops(drive: Drive, first: int) -> list[FlatTop]:
-    return [top for top in drive.recording.tops if first <= top.channel < first + 3]
-
-
-def _reaches(drive: Drive, course: Floats, top: FlatTop) -> bool:
-    """Whether the simulation goes there, too, when the readings stand there."""
-    there = np.interp(top.at_s, drive.recording.time_s, course[:, top.channel])
-    return float(np.median(np.abs(there))) > _REACHES * top.limit
-
-
-def read_off(drive: Drive, x: Floats) -> float:
-    """Log odds that the readings themselves, which stand at the limits that are in x, give these."""
-    limits = {first: x[INDEX[f"sensor_saturation.{name}"]] for first, name in _LIMITS}
-    return sum(
-        top.log_odds
-        for first, limit in limits.items()
-        for top in _tops(drive, first)
-        if abs(top.limit - limit) < _SAME * top.limit
-    )
 
 
 def _slippery(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:

@@ -47,8 +47,7 @@ def _ends(drive: Drive, fit: Fit, effect: str) -> bool:
         parameter = drive.vocabulary.columns[i][1]
         if i not in fit.columns or not math.isfinite(parameter.least):
             continue
-        ends = [end for end in (parameter.low, parameter.high) if end != 0.0]
-        at_end.append(any(abs(fit.x[i] - end) < 1e-6 * abs(end) for end in ends))
+        at_end.append(any(abs(fit.x[i] - end) < 1e-6 * abs(end) for end in (parameter.low, parameter.high)))
         told.append(abs(fit.x[i]) > _TOLD * fit.std[fit.columns.index(i)])
     pairs = list(zip(at_end, told, strict=True))
     return any(end and sure for end, sure in pairs) or (any(at_end) and not any(told))

@@ -118,7 +118,7 @@ def searched(
             start[list(drive.vocabulary.columns_of(name))] = shape.value
             best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
-        tried = _enough_first(tried, max(LEAST_GAIN, _SHARE_OF_ALL * sum(gains.values())))
+        tried = _enough_first(tried, max(LEAST_GAIN, _share(gains)))
         if not tried:
             break
         before, gained_before, new = best, dict(gains), tried[0].effect
@@ -140,6 +140,11 @@ def searched(
     rivals = {effect: rivals[effect] for effect in best.effects}
     shapes = [shape for shape in shapes if shape.effect.name in best.effects]
     return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+
+
+def _share(gains: Mapping[str, float]) -> float:
+    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
+    return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
 
 
 def _likeliest_shape(
@@ -355,7 +360,7 @@ def _without_trifles(
     drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
-    least = _SHARE_OF_ALL * sum(gains[effect] for effect in best.effects)
+    least = _share({effect: gains[effect] for effect in best.effects})
     trifles = [effect for effect in best.effects if gains[effect] < least]
     return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
 

@@ -171,6 +171,16 @@ def test_a_shape_beside_the_right_name_is_one_too_many(tmp_path: Path) -> None:
     assert summary([one | {"car": "third_party"}])["shapes_too_many"]["of"] == 0
 
 
+def test_a_car_that_shakes_itself_is_counted_by_itself(tmp_path: Path) -> None:
+    planted = [{"effect": "gyro_scale", "parameters": {}}]
+    right = answered(tmp_path, [cause("gyro_scale")], planted, car="third_party")
+    wrong = answered(tmp_path, [cause("accel_scale")], planted, car="third_party", group="as_published")
+    found = summary([right, right | {"group": "as_published"}, wrong])
+    assert (found["trials"], found["singles_1"]["of"], found["false_extras"]["hits"]) == (1, 1, 0)
+    assert [found["as_published"][key] for key in ("hits", "of")] == [1, 2]
+    assert [found["as_published_extras"][key] for key in ("hits", "of")] == [1, 2]
+
+
 def test_wilsons_intervals() -> None:
     """Hand values: none of 300 leaves up to 1.26 %; of 81 of 263 the interval is that of Newcombe 1998, method 3."""
     assert wilson(0, 300) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.01264, abs=1e-5))
