@@ -30,7 +30,7 @@ from dsz_daemon.diagnose.evidence import (
     inverse,
     sums,
 )
-from dsz_daemon.diagnose.limits import limits_read_off
+from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 
@@ -123,6 +123,16 @@ def box_of(
     return Box(np.array(low), np.array(high), 1.0 / width**2)
 
 
+def _room(drive: Drive, x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]) -> Box:
+    """`box_of`, in which a limit stays where readings stand."""
+    box = box_of(drive.vocabulary.columns, x, columns, tolerance)
+    for i, (low, high) in room_of_limits(drive, x).items():
+        if i in columns:
+            at = list(columns).index(i)
+            box.low[at], box.high[at] = min(low - x[i], 0.0), max(high - x[i], 0.0)
+    return box
+
+
 def fitted(
     drive: Drive,
     rows: Rows,
@@ -169,7 +179,7 @@ def fitted(
         return _judged(drive, rows, tolerance, here, Slopes(here.x, effects, columns, slopes))
 
     def box(x: Floats) -> Box:
-        return box_of(words.columns, x, columns, tolerance)
+        return _room(drive, x, columns, tolerance)
 
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
     slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box)
@@ -192,7 +202,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     left, scatter = here.left, here.scatter
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
-    box = box_of(words.columns, x, columns, tolerance)
+    box = _room(drive, x, columns, tolerance)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]

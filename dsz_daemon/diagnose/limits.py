@@ -13,7 +13,7 @@ LIMITS = ((0, "gyro_limit_radps"), (3, "accel_limit_mps2"))
 # The simulation goes so much of the way to where readings stand still: else they stand there for another reason.
 _REACHES = 0.8
 # So near to each other a limit and where readings stand are the same: behind the filter short tops are lower.
-_SAME = 0.05
+_SAME, _ROOM = 0.05, 0.045
 
 
 def tops_of(drive: Drive, first: int) -> list[FlatTop]:
@@ -36,6 +36,12 @@ def limits_read_off(drive: Drive, x: Floats) -> dict[int, list[FlatTop]]:
         if tops:
             found[INDEX[f"sensor_saturation.{name}"]] = tops
     return found
+
+
+def room_of_limits(drive: Drive, x: Floats) -> dict[int, tuple[float, float]]:
+    """How far columns of x may go that are limits where readings stand."""
+    tops = {i: min(top.limit for top in found) for i, found in limits_read_off(drive, x).items()}
+    return {i: ((1.0 - _ROOM) * limit, (1.0 + _ROOM) * limit) for i, limit in tops.items()}
 
 
 def read_off(drive: Drive, x: Floats) -> float:

@@ -182,6 +182,18 @@ def test_a_limit_that_readings_tell_is_as_sure_as_they_are() -> None:
     assert stds[1] == pytest.approx(0.14)
 
 
+def test_a_limit_stays_where_readings_stand() -> None:
+    """They clip at 1.5, and are said to stand at 1.4: the fit would go to 1.5."""
+    plain = drive({"sensor_saturation.accel_limit_mps2": 1.5}, CITY_V, CITY_STEER)
+    told = plain._replace(recording=plain.recording._replace(tops=(FlatTop(4, 1.4, 50.0, TIME_S[:5]),)))
+    rows, start = rows_of(plain), nothing()
+    start[LIMIT] = 1.4
+    free, held = (fitted(one, rows, start, ("sensor_saturation",), TOLERANCE) for one in (plain, told))
+    assert free.x[LIMIT] == pytest.approx(1.5, rel=0.01)
+    assert held.x[LIMIT] == pytest.approx(1.045 * 1.4, rel=1e-6)
+    assert read_off(told, held.x) == 50.0
+
+
 def test_where_a_gyro_stands_is_no_limit_of_an_accelerometer() -> None:
     plain = drive({}, CITY_V, CITY_STEER)
     one = plain._replace(recording=plain.recording._replace(tops=(FlatTop(2, 3.0, 50.0, TIME_S[:5]),)))
