@@ -52,6 +52,8 @@ _DENIED = -0.2
 _MOST_MOVES, _SETTLED_S = 4, 0.2
 _RARE = {*GUESSED, "tyre_saturation"}
 NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
+# What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
+_LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 
 
 class Step(NamedTuple):
@@ -165,6 +167,12 @@ def _starts(
     screened, known = _screened(drive, rows, best, tolerance, each)
     # What takes longest comes first: several may be fitted side by side.
     starts = [(effect, best.x) for effect in (*roads, *screened[:_TRIED])]
+    # The road that a gyro has felt has the body's lean in it: by one linear step none is left.
+    for road, effect in _LEANS_WITH.items():
+        if road in best.effects and effect not in best.effects:
+            leaning = best.x.copy()
+            leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
+            starts = [*(start for start in starts if start[0] != effect), (effect, leaning)]
     guessed = [guess for guess in guesses(drive, rows, best) if guess[0] not in best.effects]
     return [*starts, *guessed], known
 

@@ -190,6 +190,27 @@ def test_beside_a_road_what_any_candidate_would_bring_is_the_models_own(
     assert found is (without if is_settled else None)
 
 
+@pytest.mark.parametrize(("road", "effect"), [("road_bank", "suspension_roll"), ("road_grade", "suspension_pitch")])
+def test_beside_a_road_the_body_may_lean_from_the_start_on(
+    monkeypatch: pytest.MonkeyPatch, road: str, effect: str
+) -> None:
+    """What a gyro has felt has the lean in it, so that no linear step shows it."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    monkeypatch.setattr(search_module, "_screened", lambda *_: (["gyro_scale", effect], None))
+    monkeypatch.setattr(search_module, "_feels", lambda *_: False)
+    column = INDEX[f"{effect}.{'roll' if road == 'road_bank' else 'pitch'}_gradient_rad_per_mps2"]
+
+    def starts(*effects: str) -> list[tuple[str, float]]:
+        found, _ = search_module._starts(one, rows, plain._replace(effects=effects), TOLERANCE, map)
+        return [(name, float(x[column])) for name, x in found]
+
+    assert starts("wheel_slip") == [("gyro_scale", 0.0), (effect, 0.0)]
+    assert starts("wheel_slip", road) == [("gyro_scale", 0.0), (effect, 0.008)]
+    assert (effect, 0.008) not in starts(road, effect)
+
+
 def test_nothing_is_guessed_where_nothing_is_left() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
