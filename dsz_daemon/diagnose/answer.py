@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
+from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
@@ -162,8 +163,8 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
 
 def _to_drive_next(found: Search, effect: str, group: list[str]) -> str | None:
     """What would split an effect from its group; None where it stands alone."""
-    screened = [other for other in group if other not in searching.NEVER_SCREENED]
-    if not screened or effect in searching.NEVER_SCREENED:
+    screened = [other for other in group if other not in NEVER_SCREENED]
+    if not screened or effect in NEVER_SCREENED:
         return None
     words = next_manoeuvre(found.drive, found.best.x, effect, screened)
     return words or f"none that steers and brakes splits it from {', '.join(screened)}: weigh the car, measure the part"
@@ -340,7 +341,7 @@ def _unit(channel: str) -> str:
 def _untested(found: Search, each: Each) -> list[dict[str, str]]:
     """Effects of which a plain size would have shown by less than what is asked of a cause."""
     words = found.drive.vocabulary
-    known = {*found.best.effects, *searching.NEVER_SCREENED, *_NAMELESS}
+    known = {*found.best.effects, *NEVER_SCREENED, *_NAMELESS}
     rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
     slopes = searching.slopes_of(found, columns, each)

@@ -42,7 +42,7 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 # No effect of a real car is to the letter what the simulation makes of it.
 _EFFECT_FORM = 0.03
 # Least of all the limit of grip: every tyre has a curve of its own.
-_GRIP_FORM, _GRIP = 0.1, {"low_friction", "tyre_saturation"}
+_GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
 # Through a long bend the steering stands between two of its steps, for so many rows.
@@ -50,6 +50,8 @@ _STEPS_LAST_ROWS = 250
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
 # drive: it does not average out. Counted on two cars whose equations are others (docs/decisions/0019).
 _WAYS_TO_BE_WRONG = 8
+# What hangs together over no more rows than white noise does is noise, too, however much of it there is.
+_WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -169,7 +171,7 @@ def fitted(
             x[mine], x[other] = x[mine] + x[other], 0.0
     if felt is None or felt.profiles != set(effects) & set(OWN_CHANNEL):
         for profile in OWN_CHANNEL:
-            x[list(words.columns_of(profile))] = 0.0
+            x[[i for i in words.columns_of(profile) if words.columns[i][1].name != "leans"]] = 0.0
         felt = Felt(drive, x, effects)
 
     def taken(here: Place) -> Floats:
@@ -236,7 +238,7 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     lasting = np.sum(change[:, :_IMU], axis=0) / count[:_IMU]
     change[:, :_IMU] -= np.where(rows.used[:, :_IMU], lasting, 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / count)
-    found = np.hypot(rows.form, (_GRIP_FORM if _GRIP & set(effects) else _EFFECT_FORM) * rms)
+    found = np.hypot(rows.form, (_GRIP_FORM if GRIP & set(effects) else _EFFECT_FORM) * rms)
     if {"road_bank", "road_grade"} & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
@@ -255,7 +257,8 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     power = found.left.sum(axis=0) / n
     counts, noise = np.maximum(found.counts, 1.0), floor**2
     block_power, by_chance = found.left / counts, _CHANCE * np.sqrt(2.0 * np.minimum(per_row, _NOISE_ROWS) / counts)
-    wrong = np.where(block_power > noise * (1.0 + by_chance), block_power - noise, 0.0)
+    hangs = np.clip((per_row - _WHITE_ROWS) / (_WRONG_ROWS - _WHITE_ROWS), 0.0, 1.0)
+    wrong = hangs * np.where(block_power > noise * (1.0 + by_chance), block_power - noise, 0.0)
     lasting = np.max(
         np.broadcast_arrays(power * per_row, steps**2 * _STEPS_LAST_ROWS, wrong * n / _WAYS_TO_BE_WRONG), axis=0
     )

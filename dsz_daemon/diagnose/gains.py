@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, floors
+from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, floors
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
 from dsz_daemon.diagnose.limits import read_off
+from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.diagnose.profiles import by_the_lean
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
 # Of the power that noise and form may leave: a channel with less has nothing to gain.
 _QUIET = 0.7
+# But one whose rest hangs together, and hardly does (in rows, of which white noise has 5) with the larger model.
+_HUNG, _WHITE_ROWS = 2.0, 10.0
+# A channel that was off by so many times what noise and form leave, and is by so much less, is put right.
+_OFF, _RIGHT = 3.0, 2.0
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
 # since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
+# Wind by the lean takes what the roll gyro has, as a bank does; but a body that leans has to show it there.
+_TAKEN_BY_A_LEAN = 0
 
 
 def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> float:
@@ -27,8 +35,19 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
     """
     per_row = larger.per_row if per_row is None else per_row
     count, form = larger.sums.counts.copy(), smaller.form.copy()
+    # What hung together, and does so no more, has gained however small it is.
+    whitened = (larger.per_row < _WHITE_ROWS) & (larger.per_row < smaller.per_row / _HUNG)
+    mute = quiet(drive, smaller) & ~whitened
     for effect in set(larger.effects) - set(smaller.effects):
-        count[:, _NO_JUDGES.get(effect, [])] = 0.0
+        if effect == "side_wind" and by_the_lean(larger.x):
+            mute[_TAKEN_BY_A_LEAN] = True
+        else:
+            count[:, _NO_JUDGES.get(effect, [])] = 0.0
+        if effect == "side_wind" and "low_friction" in larger.effects:
+            # Where grip ends, what pushes sideways may be the tyres' own curve.
+            start_s, end_s = larger.x[moments_of(drive)]
+            begins_s = BLOCK_S * np.arange(len(count))
+            count[(begins_s + BLOCK_S > start_s) & (begins_s < end_s)] = 0.0
         if effect in {"road_bank", "road_grade"}:
             # With the profile comes its gyro's noise.
             form[UPRIGHT] = max(form[UPRIGHT], larger.form[UPRIGHT])
@@ -38,8 +57,10 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
         if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
-    before, after = (fit.together[kind] if kind else fit.unseen for fit in (smaller, larger))
-    found = gain(before, after, count, per_row, form, quiet(drive, smaller)) - _A_PARAMETER * len(moved)
+    before, after = (
+        np.where(count > 0.0, fit.together[kind] if kind else fit.unseen, 0.0) for fit in (smaller, larger)
+    )
+    found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
     # That readings stand at a limit is seen without any simulation.
     return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
 
@@ -48,3 +69,18 @@ def quiet(drive: Drive, fit: Fit) -> Bools:
     """Channels (13,) in which no more is left than noise and form leave."""
     power = fit.unseen.sum(axis=0) / np.maximum(fit.sums.counts.sum(axis=0), 1.0)
     return np.asarray(power < _QUIET * (np.nan_to_num(floors(drive)) ** 2 + fit.form**2))
+
+
+def far_off(drive: Drive, fit: Fit) -> Bools:
+    """Channels (13,) of which so much is left, on blocks that no fit has seen, that no error of form would do it."""
+    return np.asarray(_left(fit) > _OFF * np.hypot(np.nan_to_num(floors(drive)), fit.form))
+
+
+def puts_right(drive: Drive, smaller: Fit, larger: Fit) -> bool:
+    """Whether a channel that is far off no longer is, by far."""
+    now_off = far_off(drive, larger._replace(form=smaller.form))
+    return bool(np.any(far_off(drive, smaller) & ~now_off & (_left(larger) < _left(smaller) / _RIGHT)))
+
+
+def _left(fit: Fit) -> Floats:
+    return np.asarray(np.sqrt(fit.unseen.sum(axis=0) / np.maximum(fit.sums.counts.sum(axis=0), 1.0)))

@@ -8,7 +8,8 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit
+from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.signals import IMU_CHANNELS
@@ -28,13 +29,23 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 
 def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
-    if effect == "sensor_saturation" and _reads_beyond(drive, fit):
+    if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
     if effect == "side_wind" and _lulls(drive, fit):
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
     return _ends(drive, fit, effect)
+
+
+def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether a fit tells one of an effect's parameters at least; a profile's are no numbers of its own."""
+    parameters = drive.vocabulary.columns
+    return effect in OWN_CHANNEL or any(
+        abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)])
+        for i in drive.vocabulary.columns_of(effect)
+        if i in fit.columns
+    )
 
 
 def _ends(drive: Drive, fit: Fit, effect: str) -> bool:
@@ -84,6 +95,11 @@ def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
         if abs(slope) * (time_s[-1] - time_s[0]) > _FAR_BEYOND * float(np.std(means)):
             return False
     return True
+
+
+def _slides(drive: Drive, fit: Fit) -> bool:
+    """Whether grip ends, and no reading stands at a limit: then what goes no further is the car."""
+    return bool(GRIP & set(fit.effects)) and not limits_read_off(drive, fit.x)
 
 
 def _reads_beyond(drive: Drive, fit: Fit) -> bool:

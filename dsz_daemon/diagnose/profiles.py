@@ -7,6 +7,7 @@ from copy import copy
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
@@ -36,6 +37,9 @@ _LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
+_WIND_LEANS = INDEX["side_wind.leans"]
+# So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
+_SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
 
 
 class Felt:
@@ -55,7 +59,8 @@ class Felt:
         self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
-            self._first = _with_wind(drive, start, self._first)
+            wind = _with_wind_that_leans if by_the_lean(start) else _with_wind
+            self._first = wind(drive, start, self._first)
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
@@ -75,7 +80,7 @@ class Felt:
         on the road felt, as far as that is more than noise and form. Together with what the tyres do there they are
         what the accelerometer told: other parameters lean the body no other way.
         """
-        if x[_LEANS] == 0.0:
+        if x[_LEANS] == 0.0 or (_WIND in self._effects and by_the_lean(self._start)):
             return self
         found = copy(self)
         found._left_mps2, found._lean_share = _left_over(self._drive, base)
@@ -126,10 +131,45 @@ def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:
 def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     """The side force that the lateral accelerometer has left over, of which the tyres' answer is taken away again."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    for _ in range(_WIND_ROUNDS):
+
+    def left_by(road: Profiles) -> tuple[Floats, float]:
         left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
-        more_mps2 = _in_time(np.where(rolling, left_mps2, 0.0), x)
-        road = road._replace(side_n=road.side_n + drive.car.mass_kg * more_mps2)
+        left_mps2 = np.where(rolling, left_mps2, 0.0)
+        return left_mps2, float(np.sum(left_mps2**2))
+
+    (left_mps2, before), share = left_by(road), 1.0
+    for _ in range(_WIND_ROUNDS):
+        more_n = share * drive.car.mass_kg * _in_time(left_mps2, x)
+        more = road._replace(side_n=road.side_n + more_n)
+        left, after = left_by(more)
+        # Where tyres answer late, a round may take away more than there was: then smaller ones.
+        if after < before:
+            road, left_mps2, before = more, left, after
+        else:
+            share *= 0.5
+    return road
+
+
+def by_the_lean(x: Floats) -> bool:
+    """Whether the wind is what leans the body: what its tyres hold against it, a soft one shows first by its roll."""
+    return bool(x[_LEANS] > _SOFT and x[_WIND_LEANS] > 0.5)
+
+
+def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
+    """The side force of which the lean is what the roll gyro has left over, slowly what the accelerometer has.
+
+    Tyres that answer at once hold all of it: v_y' + r v = 0, lean = -k F/m, and reading_y = g lean.
+    """
+    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    force_per_lean, least = -drive.car.mass_kg / float(x[_LEANS]), math.inf
+    for _ in range(_LEAN_ROUNDS):
+        left = np.where(rolling[:, np.newaxis], np.nan_to_num(drive.measured - predicted(drive, x, road)), 0.0)
+        tilt, shown = np.cumsum(left[:, 0]) * DT_S, left[:, _ACROSS] / motion.G
+        lean = filtered(tilt + gaussian_filter1d(shown - tilt, _SLOW_S / DT_S), _ROAD_KERNEL)
+        if (size := float(np.sum(lean**2))) > least:
+            break
+        least = size
+        road = road._replace(side_n=road.side_n + force_per_lean * np.where(rolling, _in_time(lean, x), 0.0))
     return road
 
 

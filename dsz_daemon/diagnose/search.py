@@ -14,24 +14,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, floors, sensitivities
-from dsz_daemon.diagnose.effects import GUESSED, INDEX, NUISANCES, TOLERATED, vocabulary
-from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain, held_out, sums
-from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of, exactly, fitted
-from dsz_daemon.diagnose.gains import gained, quiet
+from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
+from dsz_daemon.diagnose.effects import GUESSED, INDEX, TOLERATED, vocabulary
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
-from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.screening import Screening, feels, screened
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
+# Effects that are fitted besides, and from where on.
+Start = tuple[tuple[str, ...], Floats]
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
-# Those that a linear step brings so much of what it brings the best; the others' turn may come.
-_TRIED, _WORTH = 7, 0.05
+# A profile fits nearly anything.
+_PROFILE_SHARES = 2.0
+# The most promising; the others' turn may come.
+_TRIED, _PAIRS = 7, 3
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
@@ -51,7 +56,6 @@ _DENIED = -0.2
 # Moments are moved and all is fitted again, until they stay where they are.
 _MOST_MOVES, _SETTLED_S = 4, 0.2
 _RARE = {*GUESSED, "tyre_saturation"}
-NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 
@@ -98,15 +102,15 @@ def searched(
     shapes: list[Found] = []
     refused: set[str] = set()
     for _ in range(_MOST_STEPS):
-        if len(best.effects) == _MOST_EFFECTS:
+        if len(best.effects) >= _MOST_EFFECTS:
             break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        starts, known = _starts(drive, rows, best, tolerance, each)
-        trial = _Trial(drive, rows, best, tolerance, known)
-        tried = list(each(trial.fit, [start for start in starts if start[0] not in refused]))
-        tried = _ranked(drive, best, _judged(trial, tried, each))
+        screening = screened(drive, rows, best, tolerance, each)
+        trial = _Trial(drive, rows, best, tolerance, screening.known)
+        starts = [start for start in _starts(drive, rows, best, screening.names) if not set(start[0]) & refused]
+        tried = _ranked(drive, best, _judged(trial, each(trial.fit, starts), each))
         named = max((step.gain for step in tried), default=0.0)
-        shape = _likeliest_shape(drive, rows, best, known, tolerance, beside=named > LEAST_GAIN)
+        shape = _likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
@@ -120,7 +124,7 @@ def searched(
             start[list(drive.vocabulary.columns_of(name))] = shape.value
             best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
-        tried = _enough_first(tried, max(LEAST_GAIN, _share(gains)))
+        tried = _enough_first(drive, best, tried, _share(gains)) or _two_at_once(trial, screening, refused, each)
         if not tried:
             break
         before, gained_before, new = best, dict(gains), tried[0].effect
@@ -128,11 +132,14 @@ def searched(
         if settled is not None:
             best = settled
             continue
-        elsewhere[new] = {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
-        best = tried[0].fit
+        rivals |= _rivals(best, tried)
+        elsewhere |= {
+            effect: {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
+            for effect in tried[0].fit.effects[len(best.effects) :]
+        }
+        best, gains[new] = tried[0].fit, tried[0].gain
         if not best.road.bank_rad.any() and not best.road.grade_rad.any():
             best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL, each)
-        rivals[new], gains[new] = tuple(tried), tried[0].gain
         best = _without_idle(drive, rows, best, tolerance, gains, each)
         best, wrong = _plausible(drive, rows, before, best, tolerance, each)
         # Of the same model two may drive each other out for ever.
@@ -159,27 +166,57 @@ def _likeliest_shape(
     return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
 
 
-def _starts(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each
-) -> tuple[list[tuple[str, Floats]], Slopes]:
+def _starts(drive: Drive, rows: Rows, best: Fit, names: Sequence[str]) -> list[Start]:
     """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
-    roads = [name for name in OWN_CHANNEL if name not in best.effects and _feels(drive, rows, best, name)]
-    screened, known = _screened(drive, rows, best, tolerance, each)
+    roads = [name for name in OWN_CHANNEL if name not in best.effects and feels(drive, rows, best, name)]
     # What takes longest comes first: several may be fitted side by side.
-    starts = [(effect, best.x) for effect in (*roads, *screened[:_TRIED])]
+    starts = [((effect,), best.x) for effect in (*roads, *names[:_TRIED])]
+    if "side_wind" in roads and best.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0:
+        leaning = best.x.copy()
+        leaning[INDEX["side_wind.leans"]] = 1.0
+        starts.append((("side_wind",), leaning))
     # The road that a gyro has felt has the body's lean in it: by one linear step none is left.
     for road, effect in _LEANS_WITH.items():
         if road in best.effects and effect not in best.effects:
             leaning = best.x.copy()
             leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
-            starts = [*(start for start in starts if start[0] != effect), (effect, leaning)]
-    guessed = [guess for guess in guesses(drive, rows, best) if guess[0] not in best.effects]
-    return [*starts, *guessed], known
+            starts = [*(start for start in starts if start[0] != (effect,)), ((effect,), leaning)]
+    guessed = [((effect,), x) for effect, x in guesses(drive, rows, best) if effect not in best.effects]
+    return [*starts, *guessed]
+
+
+def _two_at_once(trial: _Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:
+    """What two effects gain that hide each other while a channel is far off, the most first; empty where none do.
+
+    An IMU that is late and a steering that is, too, turn the car in time with each other.
+    """
+    off = far_off(trial.drive, trial.best)
+    if not off.any():
+        return []
+    pairs = [pair for pair in screening.pairs(off) if not set(pair) & refused][:_PAIRS]
+    tried = _judged(trial, each(trial.fit, [(pair, trial.best.x) for pair in pairs]), each)
+    return sorted(
+        (step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)),
+        key=lambda step: -step.gain,
+    )
+
+
+def _rivals(best: Fit, tried: Sequence[Step]) -> dict[str, tuple[Step, ...]]:
+    """Of each effect that the first has more than `best`: what was tried in its place beside what else it has more."""
+    added = [set(step.fit.effects[len(best.effects) :]) for step in tried]
+    return {
+        effect: tuple(
+            Step(next(iter(mine - others)), step.gain, step.fit)
+            for step, mine in zip(tried, added, strict=True)
+            if (others := added[0] - {effect}) < mine
+        )
+        for effect in added[0]
+    }
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Fits one effect more."""
+    """Fits one effect more, or two."""
 
     drive: Drive
     rows: Rows
@@ -187,10 +224,10 @@ class _Trial:
     tolerance: Mapping[str, float]
     known: Slopes
 
-    def fit(self, start: tuple[str, Floats]) -> Step:
+    def fit(self, start: Start) -> Step:
         """From there, judged by the slopes of its last step."""
-        effect, x = start
-        effects = (*self.best.effects, effect)
+        new, x = start
+        effect, effects = new[-1], (*self.best.effects, *new)
         fit = self._fitted(x, effects)
         if effect == "low_friction" and gained(self.drive, self.best, fit) > 0.0:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
@@ -199,7 +236,7 @@ class _Trial:
                 before, fit = fit.x, self._fitted(moved, effects)
                 if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
                     break
-        if is_implausible(self.drive, self.rows, fit, effect):
+        if any(is_implausible(self.drive, self.rows, fit, one) for one in new):
             return Step(effect, -math.inf, fit)
         if effect in GUESSED:
             # What has no slope at 0 began with those of a guess.
@@ -259,58 +296,20 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
     return sorted(tried, key=rank, reverse=True)
 
 
-def _enough_first(ranked: list[Step], enough: float) -> list[Step]:
+def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float) -> list[Step]:
     """By rank, those that gain enough before the others; empty where none does.
 
-    The first by rank need not be the one that gains the most: what gains too little stands in nobody's way.
+    The first by rank need not be the one that gains the most: what gains too little stands in nobody's way. Neither
+    does one of which the fit tells nothing: many parameters at once may come near what one of another's does.
     """
-    gaining = [step for step in ranked if step.gain >= enough]
-    return [*gaining, *(step for step in ranked if step.gain < enough)] if gaining else []
 
+    def gains_enough(step: Step) -> bool:
+        asked = _PROFILE_SHARES * share if step.effect in OWN_CHANNEL else share
+        return step.gain >= LEAST_GAIN and (step.gain >= asked or puts_right(drive, best, step.fit))
 
-# So much more than noise and form has to be left of what a profile shows in for it to be thought of: the lateral
-# acceleration, or one of a road's gyro and the accelerometer that tilts with it.
-_FELT = 1.2
-_SHOWN_IN = {"road_bank": (0, 4), "road_grade": (1, 3), "side_wind": (4,)}
-
-
-def _feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
-    if not rows.used[:, OWN_CHANNEL[effect]].any():
-        return False
-    usual = np.hypot(np.nan_to_num(floors(drive)), best.form)
-    return any(
-        float(np.sqrt(np.mean(best.left[rows.used[:, c], c] ** 2))) > _FELT * float(usual[c])
-        for c in _SHOWN_IN[effect]
-        if rows.used[:, c].any()
-    )
-
-
-def _screened(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each
-) -> tuple[list[str], Slopes]:
-    """The effects that are not in the model, the most promising first, by one linear step each; and the slopes."""
-    words = drive.vocabulary
-    special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
-    held = set(NUISANCES) - set(best.columns)
-    columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
-    base = predicted(drive, best.x, best.road)
-    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, best.felt, each)
-    found = sums(rows, best.left, slopes, best.scatter)
-    box = box_of(words.columns, best.x, columns, tolerance)
-    place = {column: i for i, column in enumerate(columns)}
-    own = [place[i] for i in best.columns if i not in DRAWN]
-    before = held_out(found, own, box) * best.scatter**2
-    scored = []
-    for effect in words.effects:
-        if effect.name in best.effects or effect.name in NEVER_SCREENED:
-            continue
-        after = held_out(found, [*own, *(place[i] for i in words.columns_of(effect.name))], box)
-        scored.append(
-            (gain(before, after * best.scatter**2, found.counts, np.ones_like(best.form), best.form), effect.name)
-        )
-    enough = max([_WORTH * max(value for value, _ in scored), 0.5 * LEAST_GAIN]) if scored else 0.0
-    names = [name for value, name in sorted(scored, reverse=True) if value > enough]
-    return names, Slopes(best.x, best.effects, tuple(columns), slopes)
+    gaining = [step for step in ranked if gains_enough(step)]
+    gaining.sort(key=lambda step: not is_told(drive, step.fit, step.effect))
+    return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
 
 
 def _without(
@@ -369,7 +368,12 @@ def _without_trifles(
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
     least = _share({effect: gains[effect] for effect in best.effects})
-    trifles = [effect for effect in best.effects if gains[effect] < least]
+    trifles = [
+        effect
+        for effect in best.effects
+        if gains[effect] < least
+        and not puts_right(drive, _without(drive, rows, best, tolerance, (effect,), each), best)
+    ]
     return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
 
 

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, sums
 from dsz_daemon.diagnose.fit import _covariance, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
-from dsz_daemon.diagnose.search import _screened
+from dsz_daemon.diagnose.screening import screened
 
 
 def some_rows(block: np.ndarray, channels: int = 13) -> Rows:
@@ -73,13 +73,20 @@ def test_what_is_left_beyond_the_noise_does_not_average_out(blocks: int) -> None
     table[:, 0, 0], left[:, 0] = 2.0, np.tile([3.0, -3.0], n // 2)[:n]
     weighed = sums(some_rows(block), left, table, np.ones(13))
     box, none = Box(*np.array([[-1e6], [1e6], [1e-9]])), np.zeros((blocks, 13))
-    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.ones((blocks, 13)))
-    assert variance == pytest.approx((9.0 - 1.0) / 8.0 / 2.0**2)
-    # Of no more than noise nothing of the kind: 25 rows of it are up to 1 + 2 sqrt(2 / 25) times as much by chance.
-    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0 / 1.56**0.5))
-    assert variance == pytest.approx(9.0 / n / 2.0**2)
-    [[variance]] = _covariance(weighed, np.ones(13), box, none, np.full((blocks, 13), 3.0 / 1.58**0.5))
-    assert variance == pytest.approx((9.0 - 9.0 / 1.58) / 8.0 / 2.0**2)
+
+    def variance(hanging_rows: float, floor: float) -> float:
+        [[found]] = _covariance(weighed, np.full(13, hanging_rows), box, none, np.full((blocks, 13), floor))
+        return float(found)
+
+    # It hangs together: over 20 rows or more it is none of the sensor's.
+    assert variance(20.0, 1.0) == variance(40.0, 1.0) == pytest.approx((9.0 - 1.0) / 8.0 / 2.0**2)
+    # Over 5 rows it is noise, over 14 three fifths of it may be wrong.
+    assert variance(5.0, 1.0) == pytest.approx(5.0 * 9.0 / n / 2.0**2)
+    assert variance(14.0, 1.0) == pytest.approx(0.6 * (9.0 - 1.0) / 8.0 / 2.0**2)
+    # Of no more than noise nothing of the kind: 25 rows of it, of which five count as one, are up to
+    # 1 + 2 sqrt(2 x 5 / 25) = 2.265 times as much by chance.
+    assert variance(20.0, 3.0 / 2.25**0.5) == pytest.approx(20.0 * 9.0 / n / 2.0**2)
+    assert variance(20.0, 3.0 / 2.28**0.5) == pytest.approx((9.0 - 9.0 / 2.28) / 8.0 / 2.0**2)
 
 
 @pytest.fixture
@@ -102,7 +109,7 @@ def test_how_many_rows_count_as_one_is_told_in_the_scatter_of_their_blocks(count
     fit = fitted(one, rows, nothing(), (), TOLERANCE)
     assert len(counted) == 1
     np.testing.assert_allclose(counted[0], fit.left / fit.scatter[rows.block])
-    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    known = screened(one, rows, fit, TOLERANCE, map).known
     counted.clear()
     shape_beside.shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
     assert counted

@@ -198,13 +198,12 @@ def test_beside_a_road_the_body_may_lean_from_the_start_on(
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     plain = fitted(one, rows, nothing(), (), TOLERANCE)
-    monkeypatch.setattr(search_module, "_screened", lambda *_: (["gyro_scale", effect], None))
-    monkeypatch.setattr(search_module, "_feels", lambda *_: False)
+    monkeypatch.setattr(search_module, "feels", lambda *_: False)
     column = INDEX[f"{effect}.{'roll' if road == 'road_bank' else 'pitch'}_gradient_rad_per_mps2"]
 
     def starts(*effects: str) -> list[tuple[str, float]]:
-        found, _ = search_module._starts(one, rows, plain._replace(effects=effects), TOLERANCE, map)
-        return [(name, float(x[column])) for name, x in found]
+        found = search_module._starts(one, rows, plain._replace(effects=effects), ["gyro_scale", effect])
+        return [(name, float(x[column])) for (name,), x in found]
 
     assert starts("wheel_slip") == [("gyro_scale", 0.0), (effect, 0.0)]
     assert starts("wheel_slip", road) == [("gyro_scale", 0.0), (effect, 0.008)]
@@ -490,7 +489,7 @@ def test_what_other_manoeuvres_deny_is_not_named() -> None:
     one = drive({}, v, steer, change=odd)
     nominal = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
     trial = _Trial(one, rows_of(one), nominal, TOLERANCE, Slopes(nothing(), (), (), np.zeros((0, 13, 0))))
-    step = trial.judge(trial.fit(("gyro_scale", nothing())))
+    step = trial.judge(trial.fit((("gyro_scale",), nothing())))
     assert gained(one, trial.best, step.fit) > 15.0
     assert gained(one, trial.best, step.fit, kind="manoeuvres") < -15.0
     assert step.gain == -np.inf
@@ -618,7 +617,7 @@ def test_no_limit_is_below_what_is_read() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     x = nothing()
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = furthest = float(np.max(np.abs(one.measured[:, 3:5])))
-    fit: Any = SimpleNamespace(x=x, columns=())
+    fit: Any = SimpleNamespace(x=x, columns=(), effects=("sensor_saturation",))
     assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.5 * furthest
     assert is_implausible(one, rows_of(one), fit, "sensor_saturation")

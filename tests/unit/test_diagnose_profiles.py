@@ -18,7 +18,8 @@ from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.search import Step, _enough_first, _feels, _screened, _without_trifles, gained
+from dsz_daemon.diagnose.screening import feels, screened
+from dsz_daemon.diagnose.search import gained
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 
@@ -170,11 +171,11 @@ def test_a_profile_is_thought_of_where_it_would_show(effect: str, channels: tupl
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     best = fitted(one, rows, nothing(), (), TOLERANCE)
-    assert not _feels(one, rows, best, effect)
+    assert not feels(one, rows, best, effect)
     for c in range(6):
         louder = best.left.copy()
         louder[:, c] *= 5.0
-        assert _feels(one, rows, best._replace(left=louder), effect) is (c in channels)
+        assert feels(one, rows, best._replace(left=louder), effect) is (c in channels)
 
 
 def test_wind_is_judged_by_the_yaw_rate_alone() -> None:
@@ -193,29 +194,10 @@ def test_what_a_linear_step_brings_little_of_waits_for_its_turn() -> None:
     left_out = {"wheel_radius.rl": -0.01, "steering_backlash.width_rad": 0.004}
     one = drive(left_out, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    names, _ = _screened(one, rows, fitted(one, rows, nothing(), (), TOLERANCE), TOLERANCE, map)
+    names = screened(one, rows, fitted(one, rows, nothing(), (), TOLERANCE), TOLERANCE, map).names
     assert names[0] == "wheel_radius"
     assert "imu_delay" not in names
     assert len(names) < 7
-
-
-def test_what_gains_too_little_stands_in_nobodys_way() -> None:
-    """By rank the first, which gains less than what is asked for: the next one's turn."""
-    none: Any = None
-    ranked = [Step("first", 89.0, none), Step("second", 169.0, none), Step("third", 163.0, none)]
-    assert [step.effect for step in _enough_first(ranked, 122.0)] == ["second", "third", "first"]
-    assert [step.effect for step in _enough_first(ranked, 50.0)] == ["first", "second", "third"]
-    assert _enough_first(ranked, 170.0) == []
-
-
-def test_what_came_early_has_to_gain_its_share_of_all_in_the_end() -> None:
-    one = drive({"gyro_scale.z": 0.05, "wheel_radius.rl": -0.01}, CITY_V, CITY_STEER)
-    rows = rows_of(one)
-    both = fitted(one, rows, nothing(), ("gyro_scale", "wheel_radius"), TOLERANCE)
-    kept = _without_trifles(one, rows, both, TOLERANCE, {"gyro_scale": 16.0, "wheel_radius": 1000.0}, map)
-    assert kept.effects == both.effects
-    kept = _without_trifles(one, rows, both, TOLERANCE, {"gyro_scale": 14.0, "wheel_radius": 1000.0}, map)
-    assert kept.effects == ("wheel_radius",)
 
 
 def test_flicker_is_a_sensors_own_and_what_comes_with_motion_or_now_and_then_is_not() -> None:
@@ -294,7 +276,7 @@ def test_in_noise_no_shape_pays_for_having_been_chosen(seed: int) -> None:
     one = drive({}, CITY_V, CITY_STEER, seed)
     rows = rows_of(one)
     fit = fitted(one, rows, nothing(), (), TOLERANCE)
-    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    known = screened(one, rows, fit, TOLERANCE, map).known
     found = shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
     assert found is not None
     # The best of some eighty: above 0 without its price, and well below it with that.
@@ -309,7 +291,7 @@ def test_a_shape_is_found_with_its_size_where_the_refit_has_bent_to_it() -> None
     one = drive({}, CITY_V, CITY_STEER, change=change)
     rows = rows_of(one)
     fit = fitted(one, rows, nothing(), (), TOLERANCE)
-    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    known = screened(one, rows, fit, TOLERANCE, map).known
     found = shape_beside(one, rows, fit, known, TOLERANCE, np.zeros(13, dtype=np.bool_))
     assert found is not None
     assert (found.channel, found.shape) == ("gyro_z", "k*ay^3")
@@ -322,7 +304,7 @@ def test_what_is_not_told_apart_ends_no_search_for_shapes() -> None:
     one = drive({"gyro_cross_axis.xy": 0.05}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     fit = fitted(one, rows, nothing(), (), TOLERANCE)
-    _, known = _screened(one, rows, fit, TOLERANCE, map)
+    known = screened(one, rows, fit, TOLERANCE, map).known
     values = known.values.copy()
     for i in fit.columns[6:8]:
         values[:, :, known.columns.index(i)] = 0.0

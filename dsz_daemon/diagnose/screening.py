@@ -1,0 +1,105 @@
+"""Which effects are worth a real fit: by one linear step each, or two at once, and by what is left where they show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, sensitivities
+from dsz_daemon.diagnose.effects import GUESSED, NUISANCES
+from dsz_daemon.diagnose.evidence import LEAST_GAIN, Box, Sums, gain, held_out, sums
+from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
+from dsz_daemon.diagnose.prediction import Drive, Floats, predicted
+
+# Those that a linear step brings so much of what it brings the best.
+_WORTH = 0.05
+NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
+# Two at once are thought of where one of them is among so many that move what is far off the most.
+_FIRST_OF_TWO = 5
+# So much more than noise and form has to be left of what a profile shows in for it to be thought of: the lateral
+# acceleration, or one of a road's gyro and the accelerometer that tilts with it.
+_FELT = 1.2
+_SHOWN_IN = {"road_bank": (0, 4), "road_grade": (1, 3), "side_wind": (4,)}
+# Wind is felt, too, where what is left hangs together over so many rows, twice what white noise does.
+_BLOWS_ROWS = 10.0
+
+
+def feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
+    """Whether a profile may be there: whether its own channel is, and more is left than noise and form leave."""
+    if not rows.used[:, OWN_CHANNEL[effect]].any():
+        return False
+    if effect == "side_wind" and best.per_row[OWN_CHANNEL[effect]] > _BLOWS_ROWS:
+        return True
+    usual = np.hypot(np.nan_to_num(floors(drive)), best.form)
+    return any(
+        float(np.sqrt(np.mean(best.left[rows.used[:, c], c] ** 2))) > _FELT * float(usual[c])
+        for c in _SHOWN_IN[effect]
+        if rows.used[:, c].any()
+    )
+
+
+class Screening(NamedTuple):
+    """One linear step from a model towards any effect; `names` are those that it brings the most, best first."""
+
+    names: list[str]
+    known: Slopes
+    best: Fit
+    found: Sums
+    box: Box
+    own: list[int]
+    of_effects: Mapping[str, list[int]]
+    before: Floats
+
+    def after(self, effects: Sequence[str]) -> Floats:
+        """Unseen squares (b, 13), SI, with these in the model, too."""
+        columns = [*self.own, *(place for effect in effects for place in self.of_effects[effect])]
+        return np.asarray(held_out(self.found, columns, self.box) * self.best.scatter**2)
+
+    def gain(self, effects: Sequence[str]) -> float:
+        """Log likelihood that a linear step towards them gains, as if all rows were independent of each other."""
+        one = np.ones_like(self.best.form)
+        return gain(self.before, self.after(effects), self.found.counts, one, self.best.form)
+
+    def pairs(self, far_off: Bools) -> list[tuple[str, str]]:
+        """Two at once that together bring more than alone, best first: what one does may hide what the other does.
+
+        One of them moves what is `far_off` (13,).
+        """
+        left = {name: float(np.sum(self.after([name])[:, far_off])) for name in self.of_effects}
+        first = sorted(left, key=left.__getitem__)[:_FIRST_OF_TWO]
+        alone = {name: max(self.gain([name]), 0.0) for name in self.of_effects}
+        gains = {
+            pair: self.gain(pair) - sum(alone[name] for name in pair)
+            for pair in combinations(self.of_effects, 2)
+            if set(pair) & set(first)
+        }
+        return [pair for pair in sorted(gains, key=lambda pair: -gains[pair]) if gains[pair] > LEAST_GAIN]
+
+
+def screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each) -> Screening:
+    """The effects that are not in the model, by one linear step each."""
+    words = drive.vocabulary
+    special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
+    held = set(NUISANCES) - set(best.columns)
+    columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
+    base = predicted(drive, best.x, best.road)
+    slopes = sensitivities(drive, rows, best.x, best.road, base, columns, best.felt, each)
+    found = sums(rows, best.left, slopes, best.scatter)
+    box = box_of(words.columns, best.x, columns, tolerance)
+    place = {column: i for i, column in enumerate(columns)}
+    own = [place[i] for i in best.columns if i not in DRAWN]
+    of_effects = {
+        effect.name: [place[i] for i in words.columns_of(effect.name)]
+        for effect in words.effects
+        if effect.name not in best.effects and effect.name not in NEVER_SCREENED
+    }
+    before = np.asarray(held_out(found, own, box) * best.scatter**2)
+    known = Slopes(best.x, best.effects, tuple(columns), slopes)
+    screening = Screening([], known, best, found, box, own, of_effects, before)
+    gains = {name: screening.gain([name]) for name in of_effects}
+    enough = max([_WORTH * max(gains.values()), 0.5 * LEAST_GAIN]) if gains else 0.0
+    names = [name for name in sorted(gains, key=lambda name: -gains[name]) if gains[name] > enough]
+    return screening._replace(names=names)
