@@ -19,7 +19,7 @@ _QUIET = 0.7
 # But one whose rest hangs together, and hardly does (in rows, of which white noise has 5) with the larger model.
 _HUNG, _WHITE_ROWS = 2.0, 10.0
 # A channel that was off by so many times what noise and form leave, and is by so much less, is put right.
-_OFF, _RIGHT = 3.0, 2.0
+_OFF, _RIGHT = 3.0, 3.0
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
 # since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
@@ -77,9 +77,17 @@ def far_off(drive: Drive, fit: Fit) -> Bools:
 
 
 def puts_right(drive: Drive, smaller: Fit, larger: Fit) -> bool:
-    """Whether a channel that is far off no longer is, by far."""
+    """Whether a channel that is far off no longer is, by far; not one of which a profile has taken what it left."""
     now_off = far_off(drive, larger._replace(form=smaller.form))
-    return bool(np.any(far_off(drive, smaller) & ~now_off & (_left(larger) < _left(smaller) / _RIGHT)))
+    right = far_off(drive, smaller) & ~now_off & (_left(larger) < _left(smaller) / _RIGHT)
+    for effect in set(larger.effects) - set(smaller.effects):
+        right[_taken_by(effect, larger)] = False
+    return bool(right.any())
+
+
+def _taken_by(effect: str, fit: Fit) -> list[int]:
+    """The channels that are no judges of a profile."""
+    return [_TAKEN_BY_A_LEAN] if effect == "side_wind" and by_the_lean(fit.x) else _NO_JUDGES.get(effect, [])
 
 
 def _left(fit: Fit) -> Floats:

@@ -44,7 +44,7 @@ def left_by(one: Drive, fit: Fit, channel: int, times_usual: float) -> Fit:
 
 @pytest.mark.parametrize(
     ("before", "after", "is_right"),
-    [(8.0, 2.0, True), (2.9, 0.5, False), (8.0, 3.1, False), (3.1, 1.6, False), (3.2, 1.5, True), (3.2, 3.2, False)],
+    [(8.0, 2.0, True), (2.9, 0.5, False), (9.6, 3.1, False), (8.0, 2.8, False), (3.1, 1.0, True), (3.1, 1.1, False)],
 )
 def test_a_channel_is_put_right_that_was_far_off(
     plain: tuple[Drive, Any, Fit], before: float, after: float, is_right: bool
@@ -54,6 +54,18 @@ def test_a_channel_is_put_right_that_was_far_off(
     assert puts_right(one, smaller, larger) is is_right
     assert far_off(one, smaller)[YAW] == (before > 3.0)
     assert not far_off(one, smaller)[ACROSS]
+
+
+@pytest.mark.parametrize(
+    ("effect", "channel", "is_right"),
+    [("side_wind", ACROSS, False), ("side_wind", YAW, True), ("road_bank", 0, False), ("road_bank", ACROSS, True)],
+)
+def test_a_profile_puts_nothing_right_by_taking_what_is_left(
+    plain: tuple[Drive, Any, Fit], effect: str, channel: int, is_right: bool
+) -> None:
+    one, _, fit = plain
+    larger = left_by(one, fit, channel, 1.0)._replace(effects=(effect,))
+    assert puts_right(one, left_by(one, fit, channel, 9.0), larger) is is_right
 
 
 def test_what_gains_too_little_stands_in_nobodys_way(monkeypatch: pytest.MonkeyPatch) -> None:
