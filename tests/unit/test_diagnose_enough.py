@@ -189,6 +189,38 @@ def test_a_soft_body_tells_the_wind_by_its_lean() -> None:
     assert felt.leaning(x, None, None) is felt  # type: ignore[arg-type]
 
 
+def test_wind_is_tried_by_its_push_and_by_the_lean(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, _ = blown(gusts_n())
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    soft = plain._replace(x=plain.x.copy(), effects=("suspension_roll",))
+    soft.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.015
+    leans = INDEX["side_wind.leans"]
+    monkeypatch.setattr(search_module, "feels", lambda _, __, ___, effect: effect == "side_wind")
+
+    def starts(best: Fit) -> list[float]:
+        return [float(x[leans]) for names, x in search_module._starts(one, rows, best, []) if names == ("side_wind",)]
+
+    assert starts(plain) == [0.0]
+    assert starts(soft) == [0.0, 1.0]
+    monkeypatch.setattr(search_module, "feels", lambda *_: False)
+    assert starts(soft) == []
+
+
+def test_a_fit_of_wind_by_the_lean_stays_one() -> None:
+    gusts = gusts_n()
+    one, _ = blown(gusts)
+    rows = rows_of(one)
+    soft = fitted(one, rows, nothing(), ("suspension_roll",), TOLERANCE)
+    start = soft.x.copy()
+    start[INDEX["side_wind.leans"]] = 1.0
+    windy = fitted(one, rows, start, ("suspension_roll", "side_wind"), TOLERANCE, felt=soft.felt)
+    assert by_the_lean(windy.x)
+    assert windy.x[INDEX["side_wind.leans"]] == pytest.approx(1.0, abs=0.2)
+    assert np.corrcoef(windy.road.side_n[800:-800], gusts[800:-800])[0, 1] > 0.9
+    assert gained(one, soft, windy) > 20.0
+
+
 @pytest.mark.parametrize(
     ("gradient", "leans", "is_by_lean"), [(0.015, 1.0, True), (0.003, 1.0, False), (0.015, 0.4, False)]
 )
