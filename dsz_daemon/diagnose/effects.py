@@ -74,7 +74,9 @@ _BODY = (
 )
 # How sharply force bends to its limit, and of how much of that drive and brakes take their share.
 _CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
-_PITCH = (*_BODY, Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf))
+# What the air slows a car by, over the square of its speed: rho c_d A / 2 over the mass.
+_AIR = Parameter("air_per_m", "1/m", 2e-4, 0.0, 1e-3, math.inf)
+_PITCH = (*_BODY, Parameter("ahead_m", "m", 0.2, -1.5, 1.5, math.inf), _AIR)
 
 EFFECTS: tuple[Effect, ...] = (
     Effect(
@@ -205,6 +207,8 @@ EFFECTS: tuple[Effect, ...] = (
             Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.004),
             # Against brakes that work by static load.
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
+            # Of what tyres that roll, and the air, take of a usual car.
+            Parameter("resistance", "1", 0.5, 0.0, 3.0, math.inf),
         ),
     ),
     Effect(
@@ -316,14 +320,9 @@ GUESSED = ("sensor_saturation", "low_friction")
 
 # The road's profiles: what the roll and pitch gyros have left over, integrated, and corrections between KNOTS.
 KNOTS = 12
+_KNOTS = tuple(Parameter(f"knot_{i}", "rad", 0.02, -0.35, 0.35, 0.0) for i in range(KNOTS))
 ROAD = tuple(
-    Effect(
-        name,
-        words,
-        equation,
-        CAR,
-        tuple(Parameter(f"knot_{i}", "rad", 0.02, -0.35, 0.35, 0.0) for i in range(KNOTS)),
-    )
+    Effect(name, words, equation, CAR, _KNOTS)
     for name, words, equation in (
         (
             "road_bank",

@@ -153,6 +153,21 @@ def inverse(squares: Floats) -> Floats:
     return np.asarray((vectors / values) @ vectors.T * scale[:, np.newaxis] * scale, dtype=np.float64)
 
 
+def inverse_of_told(squares: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Of normal equations (p, p) with a prior's `weight` (p,) in them: the inverse over what data tell, and the rest.
+
+    The rest is the covariance (p, p) of what they don't tell apart, which is the prior's.
+    """
+    a = squares + np.diag(weight)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
+    values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
+    is_told = values > _TOLD_APART * values[-1]
+    told, rest = (vectors[:, chosen] * scale[:, np.newaxis] for chosen in (is_told, ~is_told))
+    # Each direction has what the prior says of it: none says less than that.
+    prior = np.einsum("ij,i,ij->j", vectors[:, ~is_told], weight * scale**2, vectors[:, ~is_told])
+    return (told / values[is_told]) @ told.T, (rest / prior) @ rest.T
+
+
 def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
     """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it, and every FOLDS-th other."""
     chosen = list(columns)

@@ -27,7 +27,7 @@ from dsz_daemon.diagnose.evidence import (
     correlated_rows,
     held_out,
     held_out_kinds,
-    inverse,
+    inverse_of_told,
     sums,
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
@@ -252,7 +252,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     And no less than what is left beyond the sensors' noise may have done to the parameters, if it is the simulation
     that is wrong there. `steps`, `floor` (b, 13), in the blocks' scatter.
     """
-    bread = inverse(found.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
+    bread, untold = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(box.weight, 1e-12))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
     counts, noise = np.maximum(found.counts, 1.0), floor**2
@@ -266,7 +266,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
-    prior = bread @ np.diag(box.weight) @ bread
+    prior = bread @ np.diag(box.weight) @ bread + untold
     whole = one + prior
     more = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
     share = np.sqrt(np.maximum(more, 0.0) / np.maximum(np.diag(whole), 1e-300))

@@ -52,6 +52,7 @@ class CarModel(NamedTuple):
     pitch_gradient: float
     pitch_radps: float
     pitch_damping: float
+    air_per_m: float
     sharpness: float
     wind_ahead_m: float
     wind_leans: float
@@ -197,7 +198,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         lean = car.roll_gradient * ((1.0 - lean_share) * (ay - pulled_mps2) + lean_mps2[i])
         roll_rate += dt_s * (roll_spring * (lean - roll) - roll_damper * roll_rate)
         roll += dt_s * roll_rate
-        dive = -car.pitch_gradient * (v_rate[i] - r * vy)
+        # To what its tyres do, too: a climb and the air pull at all of it alike.
+        dive = -car.pitch_gradient * (v_rate[i] - r * vy + uphill + car.air_per_m * v * v)
         pitch_rate += dt_s * (pitch_spring * (dive - pitch) - pitch_damper * pitch_rate)
         pitch += dt_s * pitch_rate
         if v < ROLLING_MPS:

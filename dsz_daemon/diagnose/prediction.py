@@ -38,6 +38,8 @@ _AT_LIMIT = 1.05
 _SOFTEST = 0.05
 # Of an axle's side force, however it is driven or braked.
 _LEAST_FREE = 0.05
+# What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
+_ROLLS_MPS2, _AIR_PER_M = 0.12, 2.6e-4
 
 
 class Drive(NamedTuple):
@@ -183,6 +185,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         rolls = v
         for _ in range(_SLIP_ROUNDS):
             pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
+            pull_mps2 += at("wheel_slip.resistance") * (_ROLLS_MPS2 + _AIR_PER_M * v**2)
             front_use, rear_use = _uses(car, at("wheel_slip.front_brakes_more"), pull_mps2)
             slips[:, :2], slips[:, 2:] = (
                 at("wheel_slip.slip_per_force") * use[:, np.newaxis] for use in (front_use, rear_use)
@@ -210,6 +213,7 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("suspension_pitch.pitch_gradient_rad_per_mps2"),
         motion.BODY_RADPS * (1.0 + at("suspension_pitch.frequency_share")),
         motion.BODY_DAMPING + at("suspension_pitch.damping"),
+        at("suspension_pitch.air_per_m"),
         motion.SHARPNESS + at("tyre_saturation.sharpness") + at("low_friction.sharpness"),
         at("side_wind.ahead_m"),
         at("side_wind.leans"),

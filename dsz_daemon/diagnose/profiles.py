@@ -34,6 +34,7 @@ _TURN_THE_GYROS = frozenset(
 )
 _LATE = {"imu_delay": INDEX["imu_delay.delay_s"], "sensor_bandwidth": INDEX["sensor_bandwidth.time_constant_s"]}
 _LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
+_DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
@@ -111,8 +112,16 @@ def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: boo
     left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
     yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
     tilts = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
-    bank, slope = (_in_time(tilt, x) for tilt in tilts)
+    bank, slope = (_in_time(tilt, x) / lean for tilt, lean in zip(tilts, _leans_too(x, road.lean_share), strict=True))
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
+
+
+def _leans_too(x: Floats, lean_share: float) -> tuple[float, float]:
+    """What a body turns on a bank and on a climb, over what the road does: it leans on its springs to them, too.
+
+    On a bank only as far as no measured acceleration leans it.
+    """
+    return 1.0 + (1.0 - lean_share) * motion.G * float(x[_LEANS]), 1.0 + motion.G * float(x[_DIVES])
 
 
 def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:

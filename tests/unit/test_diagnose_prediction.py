@@ -217,6 +217,8 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "above_m",
                 "ahead_m",
                 "front_brakes_more",
+                "air_per_m",
+                "resistance",
                 "sharpness",
                 "ellipse",
                 "leans",
