@@ -40,7 +40,7 @@ _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
 _WIND_LEANS = INDEX["side_wind.leans"]
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
-_SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
+SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
 
 
 class Felt:
@@ -161,7 +161,7 @@ def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
 
 def by_the_lean(x: Floats) -> bool:
     """Whether the wind is what leans the body: what its tyres hold against it, a soft one shows first by its roll."""
-    return bool(x[_LEANS] > _SOFT and x[_WIND_LEANS] > 0.5)
+    return bool(x[_LEANS] > SOFT and x[_WIND_LEANS] > 0.5)
 
 
 def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:

@@ -26,6 +26,10 @@ BRAKE_WINDUP_RAD = 0.02
 BRAKE_DAMPING_S = 0.03
 # Neither slip nor brake follow faster than this, however fast the wheel turns: two steps of 1 kHz.
 FASTEST_S = 0.002
+# Chosen: of a car whose wheels are said not to slip, drive and brakes give way from a slip on that a linear tyre would
+# need for the grip there is, and have let go at so many times that. Else a wheel turns up without end, unseen, and
+# kicks the car where grip begins.
+LETS_GO = 2.0
 
 
 class Tyre(NamedTuple):
@@ -45,6 +49,7 @@ class Tyre(NamedTuple):
     longitudinal_damping_s_per_m: float
     lateral_damping_s_per_m: float
     rolling_resistance: float
+    spins: bool
 
 
 def tyres(car: Car) -> tuple[Tyre, Tyre]:
@@ -73,6 +78,7 @@ def tyres(car: Car) -> tuple[Tyre, Tyre]:
             math.sqrt(spring_n_per_m * wheel_kg) / slip_stiffness_n,
             math.sqrt(lateral_spring_n_per_m * car.mass_kg / 4.0) / stiffness_n_per_rad,
             car.rolling_resistance,
+            car.slips,
         )
 
     return (
@@ -115,6 +121,13 @@ def tyre_force(
 
 
 @compiled
+def _let_through(tyre: Tyre, slip: float, load_n: float, friction_limit: float) -> float:
+    """The share of a torque that is left to it at so much slip its way."""
+    grip_n = min(tyre.friction, friction_limit) * load_n
+    return min(max((LETS_GO * grip_n - tyre.slip_stiffness_n * slip) / ((LETS_GO - 1.0) * max(grip_n, 1.0)), 0.0), 1.0)
+
+
+@compiled
 def wheel(
     tyre: Tyre,
     forward_mps: float,
@@ -142,6 +155,9 @@ def wheel(
     force_x, force_y = tyre_force(tyre, kappa, slip, load_n, friction_limit)
     winding_rad = max(BRAKE_WINDUP_RAD, abs(spin_radps) * FASTEST_S)
     windup_per_s = (spin_radps - abs(spin_radps) * windup) / winding_rad
+    if not tyre.spins:
+        drive_nm *= _let_through(tyre, longitudinal_slip, load_n, friction_limit)
+        brake_nm *= _let_through(tyre, -longitudinal_slip, load_n, friction_limit)
     shaft_nm = drive_nm - brake_nm * (windup + BRAKE_DAMPING_S * windup_per_s)
     resistance_nm = tyre.rolling_resistance * load_n * tyre.radius_m * math.tanh(spin_radps / REVERSAL_RADPS)
     along_m = max(tyre.longitudinal_relaxation_m, speed_mps * FASTEST_S)

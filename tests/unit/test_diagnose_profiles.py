@@ -45,6 +45,25 @@ def test_wind_blows_all_the_way() -> None:
     assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
 
 
+@pytest.mark.parametrize(
+    ("gradient", "leans", "spread", "too_low"),
+    [
+        # A soft body that is told to lean to it as to its tyres; one that is told to lean as to a wind.
+        (0.015, 0.01, 0.2, True),
+        (0.015, 0.9, 0.05, False),
+        # Not told, and a stiff one.
+        (0.015, 0.01, 0.3, False),
+        (0.003, 0.01, 0.2, False),
+    ],
+)
+def test_wind_pushes_the_body_and_not_the_road(gradient: float, leans: float, spread: float, too_low: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
+    fit.columns = (INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["side_wind.leans"])
+    fit.x[list(fit.columns)], fit.std = (gradient, leans), np.array([0.0, spread])
+    assert is_implausible(one, rows_of(one), fit, "side_wind") == too_low
+
+
 def leaning_drive(gusts_n: np.ndarray, **late_s: float) -> tuple[Drive, np.ndarray]:
     """A car with a body on springs, pushed by tyres that nobody simulates: it leans as to any of their forces."""
     x = nothing()

@@ -224,18 +224,33 @@ def test_effects_on_the_command_line_are_in_the_files(
     assert (kept["scenario"], kept["seed"]) == ("short", 1)
 
 
+ICY = [Choice("low_friction", {"friction_coefficient": 0.02, "start_s": 0.0, "end_s": 3.0})]
+
+
 def test_a_car_that_is_thrown_about_is_refused() -> None:
-    """Wheels that spin on ice, and then find the nominal world's endless grip."""
-    pulling = Scenario("driving off", TUCSON, FLAT, Programme(4.0, (SpeedChange(0.0, 1.0, 10.0),)))
-    icy = [Choice("low_friction", {"friction_coefficient": 0.02, "start_s": 0.0, "end_s": 3.0})]
+    """One that slides sideways, and then finds the nominal world's endless grip."""
+    swerve = SineSteer(0.1, 0.5, 1, math.radians(400.0))
+    wet = [Choice("low_friction", {"friction_coefficient": 0.2, "start_s": 0.0, "end_s": 3.0})]
+    sliding = Scenario("sliding", TUCSON, FLAT, Programme(4.0, (), (swerve,)), start_mps=30.0)
     with pytest.raises(ConfigError, match=r"--effect: the car is thrown about at 3\.0 s.*expected weaker effects"):
-        simulate_scenario("pulling", pulling, 1, SensorErrors(), None, icy, from_nominal=True)
-    # A car whose tyres have an end of grip only spins them: first on ice, then on asphalt.
-    spinning = simulate_scenario("pulling", pulling, 1, SensorErrors(), None, icy)
+        simulate_scenario("sliding", sliding, 1, SensorErrors(), None, wet, from_nominal=True)
+
+
+def test_wheels_spin_on_ice_where_they_slip_at_all() -> None:
+    pulling = Scenario("driving off", TUCSON, FLAT, Programme(4.0, (SpeedChange(0.0, 1.0, 10.0),)))
+    # First on ice, then on asphalt.
+    spinning = simulate_scenario("pulling", pulling, 1, SensorErrors(), None, ICY)
     assert spinning.truth["wheel_speed_fl_mps"].max() > 10.0
     felt = np.abs(spinning.truth["accel_x_mps2"])
     assert felt[1] == pytest.approx(0.02 * 9.80665 * 1.491 / 2.64, rel=0.05)
     assert felt.max() < 9.80665
+    # Wheels that are said not to slip store nothing unseen, that endless grip would set free.
+    rolling_off = simulate_scenario("pulling", pulling, 1, SensorErrors(), None, ICY, from_nominal=True)
+    assert np.abs(rolling_off.truth["accel_x_mps2"]).max() < 15.0
+    braking = Scenario("stopping", TUCSON, FLAT, Programme(4.0, (SpeedChange(0.0, 2.0, -2.0),)), start_mps=20.0)
+    stopping = simulate_scenario("stopping", braking, 1, SensorErrors(), None, ICY, from_nominal=True)
+    # The driver makes up for it with 17 m/s^2; with wheels that had locked it was more than 50.
+    assert np.abs(stopping.truth["accel_x_mps2"]).max() < 40.0
 
 
 def test_simulate_takes_effects_by_their_words(monkeypatch: pytest.MonkeyPatch) -> None:
