@@ -54,6 +54,8 @@ _WAYS_TO_BE_WRONG = 8
 _WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
+# Where it pushes is no course over time.
+_OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {
@@ -169,9 +171,12 @@ def fitted(
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):
             x[mine], x[other] = x[mine] + x[other], 0.0
-    if felt is None or felt.profiles != set(effects) & set(OWN_CHANNEL):
+    profiles = set(effects) & set(OWN_CHANNEL)
+    if felt is not None and profiles - felt.profiles == {"side_wind"} and felt.profiles < profiles:
+        felt = felt.blown(x, effects)
+    if felt is None or felt.profiles != profiles:
         for profile in OWN_CHANNEL:
-            x[[i for i in words.columns_of(profile) if words.columns[i][1].name != "leans"]] = 0.0
+            x[[i for i in words.columns_of(profile) if words.columns[i][1].name not in _OF_THE_WIND]] = 0.0
         felt = Felt(drive, x, effects)
 
     def taken(here: Place) -> Floats:

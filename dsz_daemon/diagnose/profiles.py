@@ -25,7 +25,7 @@ _ROAD_HZ, _REACH = 1.5, 100
 _ROAD_KERNEL = np.hamming(2 * _REACH + 1) * np.sinc(2.0 * _ROAD_HZ * DT_S * np.arange(-_REACH, _REACH + 1))
 _ROAD_KERNEL /= _ROAD_KERNEL.sum()
 # A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
-_WIND_ROUNDS = 15
+_WIND_ROUNDS, _AGAIN = 15, 4
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
 # What makes another road of what the roll and pitch gyros show, and what tells of anything later than it was.
 _TURN_THE_GYROS = frozenset(
@@ -38,7 +38,8 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
-_WIND_LEANS = INDEX["side_wind.leans"]
+_WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
+_AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
 
@@ -46,10 +47,10 @@ SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
 class Felt:
     """What is felt of road and air when these effects are in the model, from parameters `start` on.
 
-    The wind is that of `start`. The road is felt anew for any parameters, since what turns the gyros' axes or scales
-    them makes another road of the same readings; constant offsets stay those of `start`: corrections are the knots'.
-    What leans the body and is in no simulation is no road: see `leaning`. A late sensor's readings are of what was
-    there before.
+    The wind is that of `start`, or felt `anew` for any parameters. The road is felt anew for any parameters, since what
+    turns the gyros' axes or scales them makes another road of the same readings; constant offsets stay those of
+    `start`: corrections are the knots'. What leans the body and is in no simulation is no road: see `leaning`. A late
+    sensor's readings are of what was there before.
     """
 
     def __init__(self, drive: Drive, start: Floats, effects: tuple[str, ...]) -> None:
@@ -58,18 +59,44 @@ class Felt:
         self.profiles = set(effects) & {*_TILTS, _WIND}
         level = flat(len(drive.steer))
         self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
+        self.is_anew = False
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
-            wind = _with_wind_that_leans if by_the_lean(start) else _with_wind
-            self._first = wind(drive, start, self._first)
+            self._first = self.blown(start, effects)._first
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
         leans_mps2 = self._lean_share * (_in_time(self._left_mps2, x) + self._tyres_mps2)
-        return self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
+        road = self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
+        return _with_wind(self._drive, x, road, _AGAIN) if self.is_anew else road
+
+    def blown(self, x: Floats, effects: tuple[str, ...]) -> Felt:
+        """The same road, as it is corrected in `x`, and the wind that is felt on it."""
+        found, soft = copy(self), by_the_lean(x)
+        found.is_anew = False
+        found._start, found._effects, found.profiles = x.copy(), effects, self.profiles | {_WIND}
+        found._start[: len(OFFSETS)] = self._start[: len(OFFSETS)]
+        if soft:
+            found._lean_share = 0.0
+        there = (_with_wind_that_leans if soft else _with_wind)(self._drive, x, found(x))
+        found._first = found._first._replace(side_n=there.side_n)
+        return found
+
+    def anew(self) -> Felt | None:
+        """The same with a wind that is another one for other parameters: what tyres do is no wind; None without one.
+
+        A wind by the lean is what the gyro has left over, and stays.
+        """
+        if self.is_anew or _WIND not in self.profiles or by_the_lean(self._start):
+            return None
+        found = copy(self)
+        found.is_anew = True
+        return found
 
     def changes_with(self, effect: str) -> bool:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
+        if self.is_anew:
+            return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
         return self.is_tilted and effect in _TURN_THE_GYROS
@@ -137,7 +164,7 @@ def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:
     return np.asarray(left), min(max(share, 0.0), 1.0)
 
 
-def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
+def _with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = _WIND_ROUNDS) -> Profiles:
     """The side force that the lateral accelerometer has left over, of which the tyres' answer is taken away again."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
 
@@ -147,7 +174,7 @@ def _with_wind(drive: Drive, x: Floats, road: Profiles) -> Profiles:
         return left_mps2, float(np.sum(left_mps2**2))
 
     (left_mps2, before), share = left_by(road), 1.0
-    for _ in range(_WIND_ROUNDS):
+    for _ in range(rounds):
         more_n = share * drive.car.mass_kg * _in_time(left_mps2, x)
         more = road._replace(side_n=road.side_n + more_n)
         left, after = left_by(more)
@@ -180,6 +207,24 @@ def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
         least = size
         road = road._replace(side_n=road.side_n + force_per_lean * np.where(rolling, _in_time(lean, x), 0.0))
     return road
+
+
+def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) -> float:
+    """How far ahead of the C.G. the wind pushes, by which the yaw rate is told best: another place is another wind."""
+    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+
+    def left_at(ahead_m: float) -> float:
+        there = x.copy()
+        there[_WIND_AHEAD] = ahead_m
+        left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects)(there))[:, _YAW]
+        return float(np.nanvar(left[rolling]))
+
+    left = np.array([left_at(ahead_m) for ahead_m in _AHEAD_M])
+    best = min(max(int(np.argmin(left)), 1), len(_AHEAD_M) - 2)
+    curve, slope, _ = np.polyfit(_AHEAD_M[best - 1 : best + 2], left[best - 1 : best + 2], 2)
+    if not np.isfinite(left).all() or curve <= 0.0:
+        return 0.0
+    return float(np.clip(-0.5 * slope / curve, _AHEAD_M[best - 1], _AHEAD_M[best + 1]))
 
 
 @compiled

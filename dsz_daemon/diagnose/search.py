@@ -19,24 +19,22 @@ from dsz_daemon.diagnose.effects import GUESSED, INDEX, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
-from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
-from dsz_daemon.diagnose.screening import Screening, feels, screened
+from dsz_daemon.diagnose.screening import Screening, screened
 from dsz_daemon.diagnose.shape_beside import shape_beside
+from dsz_daemon.diagnose.starts import Start, starts_of
 from dsz_daemon.diagnose.unlisted import Found, best_shape
 
 Progress = Callable[[str], None]
-# Effects that are fitted besides, and from where on.
-Start = tuple[tuple[str, ...], Floats]
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
-_SHARE_OF_ALL = 0.015
+_SHARE_OF_ALL, _SHARE_OF_WIND = 0.015, 0.3
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
-# The most promising; the others' turn may come.
-_TRIED, _PAIRS = 7, 3
+# The most promising of two at once.
+_PAIRS = 3
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
@@ -55,9 +53,9 @@ _SURELY = 1.05
 _DENIED = -0.2
 # Moments are moved and all is fitted again, until they stay where they are.
 _MOST_MOVES, _SETTLED_S = 4, 0.2
+# The yaw rate.
+_JUDGES_WIND = 2
 _RARE = {*GUESSED, "tyre_saturation"}
-# What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
-_LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 
 
 class Step(NamedTuple):
@@ -107,7 +105,7 @@ def searched(
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         screening = screened(drive, rows, best, tolerance, each)
         trial = _Trial(drive, rows, best, tolerance, screening.known)
-        starts = [start for start in _starts(drive, rows, best, screening.names) if not set(start[0]) & refused]
+        starts = [start for start in starts_of(drive, rows, best, screening.names) if not set(start[0]) & refused]
         tried = _ranked(drive, best, _judged(trial, each(trial.fit, starts), each))
         named = max((step.gain for step in tried), default=0.0)
         shape = _likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
@@ -124,9 +122,14 @@ def searched(
             start[list(drive.vocabulary.columns_of(name))] = shape.value
             best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
-        tried = _enough_first(drive, best, tried, _share(gains)) or _two_at_once(trial, screening, refused, each)
+        tried = _enough_first(drive, best, tried, _share(gains, best.felt.is_anew)) or _two_at_once(
+            trial, screening, refused, each
+        )
         if not tried:
-            break
+            if (anew := _with_wind_anew(trial, each)) is None:
+                break
+            best = anew
+            continue
         before, gained_before, new = best, dict(gains), tried[0].effect
         settled = _settled(drive, rows, best, tried[0], tolerance, each)
         if settled is not None:
@@ -145,14 +148,34 @@ def searched(
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
-    best = _without_trifles(drive, rows, best, tolerance, gains, each)
-    rivals = {effect: rivals[effect] for effect in best.effects}
-    shapes = [shape for shape in shapes if shape.effect.name in best.effects]
-    return Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+    return _kept(Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, each)
 
 
-def _share(gains: Mapping[str, float]) -> float:
-    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
+def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """Without trifles, and what was found of them."""
+    best = _without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    rivals = {effect: found.rivals[effect] for effect in best.effects}
+    shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
+    return found._replace(best=best, rivals=rivals, shapes=shapes)
+
+
+def _with_wind_anew(trial: _Trial, each: Each) -> Fit | None:
+    """Where the yaw rate is still off: the same model, of which other tyres have another wind; None where none has."""
+    felt = None if quiet(trial.drive, trial.best)[_JUDGES_WIND] else trial.best.felt.anew()
+    if felt is None:
+        return None
+    best = trial.best
+    return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+
+
+def _share(gains: Mapping[str, float], is_anew: bool = False) -> float:
+    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips.
+
+    Beside a wind that is felt anew it is a good part of what that gains: of the wind that goes on for long little is
+    told, and the steering that holds against it could be anything.
+    """
+    if is_anew:
+        return _SHARE_OF_WIND * gains["side_wind"]
     return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
 
 
@@ -164,25 +187,6 @@ def _likeliest_shape(
     if beside:
         shapes.append(shape_beside(drive, rows, best, known, tolerance, quiet(drive, best)))
     return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
-
-
-def _starts(drive: Drive, rows: Rows, best: Fit, names: Sequence[str]) -> list[Start]:
-    """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
-    roads = [name for name in OWN_CHANNEL if name not in best.effects and feels(drive, rows, best, name)]
-    # What takes longest comes first: several may be fitted side by side.
-    starts = [((effect,), best.x) for effect in (*roads, *names[:_TRIED])]
-    if "side_wind" in roads and best.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0:
-        leaning = best.x.copy()
-        leaning[INDEX["side_wind.leans"]] = 1.0
-        starts.append((("side_wind",), leaning))
-    # The road that a gyro has felt has the body's lean in it: by one linear step none is left.
-    for road, effect in _LEANS_WITH.items():
-        if road in best.effects and effect not in best.effects:
-            leaning = best.x.copy()
-            leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
-            starts = [*(start for start in starts if start[0] != (effect,)), ((effect,), leaning)]
-    guessed = [((effect,), x) for effect, x in guesses(drive, rows, best) if effect not in best.effects]
-    return [*starts, *guessed]
 
 
 def _two_at_once(trial: _Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:

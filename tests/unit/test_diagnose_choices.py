@@ -27,6 +27,7 @@ from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.search import Search, Step, _judged, _Trial, gained, searched
+from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.unlisted import unlisted
 
 N = 6000
@@ -198,11 +199,11 @@ def test_beside_a_road_the_body_may_lean_from_the_start_on(
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     plain = fitted(one, rows, nothing(), (), TOLERANCE)
-    monkeypatch.setattr(search_module, "feels", lambda *_: False)
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *_: False)
     column = INDEX[f"{effect}.{'roll' if road == 'road_bank' else 'pitch'}_gradient_rad_per_mps2"]
 
     def starts(*effects: str) -> list[tuple[str, float]]:
-        found = search_module._starts(one, rows, plain._replace(effects=effects), ["gyro_scale", effect])
+        found = starts_of(one, rows, plain._replace(effects=effects), ["gyro_scale", effect])
         return [(name, float(x[column])) for (name,), x in found]
 
     assert starts("wheel_slip") == [("gyro_scale", 0.0), (effect, 0.0)]

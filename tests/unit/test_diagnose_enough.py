@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt, by_the_lean
 from dsz_daemon.diagnose.screening import feels, screened
 from dsz_daemon.diagnose.search import Step, _enough_first, _rivals, _Trial, _two_at_once, _without_trifles
+from dsz_daemon.diagnose.starts import starts_of
 
 YAW, ACROSS = 2, 4
 ROLLS = {
@@ -196,14 +197,14 @@ def test_wind_is_tried_by_its_push_and_by_the_lean(monkeypatch: pytest.MonkeyPat
     soft = plain._replace(x=plain.x.copy(), effects=("suspension_roll",))
     soft.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.015
     leans = INDEX["side_wind.leans"]
-    monkeypatch.setattr(search_module, "feels", lambda _, __, ___, effect: effect == "side_wind")
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda _, __, ___, effect: effect == "side_wind")
 
     def starts(best: Fit) -> list[float]:
-        return [float(x[leans]) for names, x in search_module._starts(one, rows, best, []) if names == ("side_wind",)]
+        return [float(x[leans]) for names, x in starts_of(one, rows, best, []) if names == ("side_wind",)]
 
     assert starts(plain) == [0.0]
     assert starts(soft) == [0.0, 1.0]
-    monkeypatch.setattr(search_module, "feels", lambda *_: False)
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *_: False)
     assert starts(soft) == []
 
 

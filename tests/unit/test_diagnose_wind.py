@@ -1,0 +1,127 @@
+"""diagnose: where a wind pushes, on which road it is felt, and what it is for other tyres."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
+
+from dsz_daemon.diagnose import search as search_module
+from dsz_daemon.diagnose.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, nothing, predicted
+from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
+from dsz_daemon.diagnose.search import _share, _Trial, _with_wind_anew
+from dsz_daemon.diagnose.starts import starts_of
+
+MIDDLE = slice(500, N - 500)
+AHEAD = INDEX["side_wind.ahead_m"]
+GUSTS_N = 400.0 * (np.sin(2.0 * np.pi * T / 4.0) + np.sin(2.0 * np.pi * T / 2.3))
+
+
+def blown_on(ahead_m: float, road: Profiles | None = None) -> tuple[Drive, np.ndarray]:
+    """A drive in a wind that pushes so far ahead of the C.G., and the parameters of that."""
+    one = drive({}, CITY_V, CITY_STEER)
+    noise = one.measured - predicted(one, nothing(), flat(N))
+    x = nothing()
+    x[AHEAD] = ahead_m
+    return one._replace(measured=predicted(one, x, (road or flat(N))._replace(side_n=GUSTS_N)) + noise), x
+
+
+@pytest.mark.parametrize("ahead_m", [-0.3, 0.1, 0.4, 0.8])
+def test_the_yaw_rate_tells_where_a_wind_pushes(ahead_m: float) -> None:
+    one, x = blown_on(ahead_m)
+    calm = Felt(one, nothing(), ())
+    assert wind_ahead_m(one, nothing(), calm, ("side_wind",)) == pytest.approx(ahead_m, abs=0.08)
+    # Pushed elsewhere, it would be another wind. (One from behind the C.G. takes longer to be felt than there are rounds.)
+    right, wrong = (calm.blown(there, ("side_wind",))(there).side_n for there in (x, nothing()))
+    if ahead_m > 0.2:
+        assert np.std((right - GUSTS_N)[MIDDLE]) < 0.1 * np.std(GUSTS_N)
+        assert np.std((wrong - GUSTS_N)[MIDDLE]) > 0.15 * np.std(GUSTS_N)
+
+
+def test_a_wind_is_tried_from_where_the_yaw_rate_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, _ = blown_on(0.4)
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *arguments: arguments[-1] == "side_wind")
+    starts = [x[AHEAD] for names, x in starts_of(one, rows, plain, []) if names == ("side_wind",)]
+    assert starts == [pytest.approx(0.4, abs=0.1)]
+    # And a fit begins there.
+    fit = fitted(one, rows, starts_of(one, rows, plain, [])[0][1], ("side_wind",), TOLERANCE, felt=plain.felt)
+    assert fit.x[AHEAD] == pytest.approx(0.4, abs=0.1)
+
+
+def test_a_wind_is_felt_on_the_road_as_it_has_been_corrected() -> None:
+    bank = 0.03 * np.sin(2.0 * np.pi * T / 20.0)
+    one, x = blown_on(0.3, flat(N)._replace(bank_rad=bank))
+    # An offset that the road was felt with, and knots that take its drift away again.
+    off = nothing()
+    off[INDEX["offset_gyro_x"]] = 2e-3
+    felt = Felt(one, off, ("road_bank",))
+    knots = slice(INDEX["road_bank.knot_0"], INDEX["road_bank.knot_0"] + 12)
+    x[knots] = np.linspace(0.0, 2e-3 * T[-1], 12)
+    with_wind = felt.blown(x, ("road_bank", "side_wind"))
+    assert np.std((with_wind(x).side_n - GUSTS_N)[MIDDLE]) < 0.2 * np.std(GUSTS_N)
+    np.testing.assert_array_equal(with_wind(x).bank_rad, felt(x).bank_rad)
+    assert with_wind.profiles == {"road_bank", "side_wind"}
+    # The corrections are kept where a wind is all that is new, and are not where the road is.
+    rows = rows_of(one)
+    start = x.copy()
+    plain = fitted(one, rows, start, ("road_bank", "side_wind"), {}, felt=felt)
+    assert plain.x[knots][-1] == pytest.approx(2e-3 * T[-1], rel=0.1)
+
+
+def test_other_tyres_have_another_wind_where_it_is_felt_anew() -> None:
+    one, x = blown_on(0.3)
+    held = Felt(one, x, ("side_wind",))
+    assert Felt(one, nothing(), ("road_bank",)).anew() is None
+    felt = held.anew()
+    assert felt is not None
+    assert felt.anew() is None
+    late = x.copy()
+    late[INDEX["steering_delay.delay_s"]] = 0.05
+
+    def left(road: Profiles) -> float:
+        return float(np.std((one.measured - predicted(one, late, road))[MIDDLE, 4]))
+
+    assert left(felt(late)) < 0.5 * left(held(late))
+    assert felt.changes_with("steering_delay")
+    assert not held.changes_with("steering_delay")
+    # And so a fit's slopes have it.
+    rows, column = rows_of(one), [INDEX["steering_delay.delay_s"]]
+    slopes = [
+        sensitivities(one, rows, x, one_felt(x), predicted(one, x, one_felt(x)), column, one_felt)[:, 4, 0]
+        for one_felt in (held, felt)
+    ]
+    assert np.std(slopes[1]) < 0.7 * np.std(slopes[0])
+
+
+def test_a_wind_is_felt_anew_only_where_the_yaw_rate_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, x = blown_on(0.3)
+    rows = rows_of(one)
+    best = fitted(one, rows, x, ("side_wind",), TOLERANCE)
+    known: Any = None
+    trial = _Trial(one, rows, best, TOLERANCE, known)
+    monkeypatch.setattr(search_module, "quiet", lambda *_: np.ones(13, dtype=bool))
+    assert _with_wind_anew(trial, map) is None
+    monkeypatch.setattr(search_module, "quiet", lambda *_: np.arange(13) != 2)
+    anew = _with_wind_anew(trial, map)
+    assert anew is not None
+    assert anew.felt.is_anew
+    assert anew.effects == ("side_wind",)
+
+
+def test_beside_a_wind_that_is_felt_anew_a_good_part_of_it_has_to_be_gained() -> None:
+    gains = {"side_wind": 200.0, "gyro_scale": 2000.0}
+    assert _share(gains) == pytest.approx(33.0)
+    assert _share(gains, True) == pytest.approx(60.0)
+
+
+def test_a_wind_by_the_lean_is_not_felt_anew() -> None:
+    one, x = blown_on(0.3)
+    x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], x[INDEX["side_wind.leans"]] = 0.015, 1.0
+    assert Felt(one, x, ("suspension_roll", "side_wind")).anew() is None
