@@ -36,7 +36,7 @@ def test_the_yaw_rate_tells_where_a_wind_pushes(ahead_m: float) -> None:
     one, x = blown_on(ahead_m)
     calm = Felt(one, nothing(), ())
     assert wind_ahead_m(one, nothing(), calm, ("side_wind",)) == pytest.approx(ahead_m, abs=0.08)
-    # Pushed elsewhere, it would be another wind. (One from behind the C.G. takes longer to be felt than there are rounds.)
+    # Pushed elsewhere, it would be another wind; one from behind the C.G. takes more rounds than there are.
     right, wrong = (calm.blown(there, ("side_wind",))(there).side_n for there in (x, nothing()))
     if ahead_m > 0.2:
         assert np.std((right - GUSTS_N)[MIDDLE]) < 0.1 * np.std(GUSTS_N)
