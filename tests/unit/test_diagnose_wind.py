@@ -125,3 +125,21 @@ def test_a_wind_by_the_lean_is_not_felt_anew() -> None:
     one, x = blown_on(0.3)
     x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], x[INDEX["side_wind.leans"]] = 0.015, 1.0
     assert Felt(one, x, ("suspension_roll", "side_wind")).anew() is None
+
+
+@pytest.mark.parametrize(("leans", "share"), [(1.0, 0.0), (0.0, 0.6)])
+def test_a_wind_by_the_lean_is_all_that_leans_the_body(leans: float, share: float) -> None:
+    one, x = blown_on(0.3)
+    x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], x[INDEX["side_wind.leans"]] = 0.015, leans
+    felt = Felt(one, x, ("suspension_roll",))
+    felt._lean_share = 0.6
+    assert felt.blown(x, ("suspension_roll", "side_wind"))(x).lean_share == share
+
+
+def test_where_a_wind_pushes_is_kept_where_the_road_is_felt_afresh() -> None:
+    one, x = blown_on(0.4)
+    leans = INDEX["side_wind.leans"]
+    x[leans] = 0.7
+    fit = fitted(one, rows_of(one), x, ("side_wind", "road_bank"), {}, felt=Felt(one, x, ("side_wind",)))
+    assert fit.x[AHEAD] == pytest.approx(0.4, abs=0.1)
+    assert fit.x[leans] == pytest.approx(0.7)
