@@ -237,7 +237,8 @@ def sensitivities(
     # A car that spins is infinitely wrong, which is looked at below: no warning.
     @np.errstate(over="ignore", invalid="ignore")
     def secant(i: int) -> Floats:
-        if i < len(OFFSETS):
+        # A wind that is felt anew is another one for an offset, too.
+        if i < len(OFFSETS) and not (felt is not None and felt.changes_with("")):
             only = np.zeros_like(before)
             only[:, i] = 1.0
             return only

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
-from dsz_daemon.diagnose.effects import GUESSED, INDEX, TOLERATED, vocabulary
+from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
@@ -111,9 +111,8 @@ def searched(
         shape = _likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
-            name = shape.effect.name
+            name, start = shape.effect.name, best.x.copy()
             gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
-            start = best.x.copy()
             # One that had to go may come back.
             if name not in {effect.name for effect in drive.vocabulary.effects}:
                 shapes.append(shape)
@@ -122,14 +121,15 @@ def searched(
             start[list(drive.vocabulary.columns_of(name))] = shape.value
             best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
             continue
-        tried = _enough_first(drive, best, tried, _share(gains, best.felt.is_anew)) or _two_at_once(
+        beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
+        tried = _enough_first(drive, best, tried, _share(gains), beside * best.felt.is_anew) or _two_at_once(
             trial, screening, refused, each
         )
-        if not tried:
-            if (anew := _with_wind_anew(trial, each)) is None:
-                break
+        if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
             best = anew
             continue
+        if not tried:
+            break
         before, gained_before, new = best, dict(gains), tried[0].effect
         settled = _settled(drive, rows, best, tried[0], tolerance, each)
         if settled is not None:
@@ -168,14 +168,8 @@ def _with_wind_anew(trial: _Trial, each: Each) -> Fit | None:
     return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
 
 
-def _share(gains: Mapping[str, float], is_anew: bool = False) -> float:
-    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips.
-
-    Beside a wind that is felt anew it is a good part of what that gains: of the wind that goes on for long little is
-    told, and the steering that holds against it could be anything.
-    """
-    if is_anew:
-        return _SHARE_OF_WIND * gains["side_wind"]
+def _share(gains: Mapping[str, float]) -> float:
+    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
     return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
 
 
@@ -300,15 +294,19 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
     return sorted(tried, key=rank, reverse=True)
 
 
-def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float) -> list[Step]:
+def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_a_car: float = 0.0) -> list[Step]:
     """By rank, those that gain enough before the others; empty where none does.
 
     The first by rank need not be the one that gains the most: what gains too little stands in nobody's way. Neither
     does one of which the fit tells nothing: many parameters at once may come near what one of another's does.
+    `of_a_car` is asked of what a car does, beside a wind that is felt anew: of a push that lasts little is told, and
+    what holds against it could be anything.
     """
 
     def gains_enough(step: Step) -> bool:
         asked = _PROFILE_SHARES * share if step.effect in OWN_CHANNEL else share
+        if of_a_car > asked and drive.vocabulary.described(step.effect).touches == CAR:
+            asked = of_a_car
         return step.gain >= LEAST_GAIN and (step.gain >= asked or puts_right(drive, best, step.fit))
 
     gaining = [step for step in ranked if gains_enough(step)]

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
-from dsz_daemon.diagnose.search import _share, _Trial, _with_wind_anew
+from dsz_daemon.diagnose.search import Step, _enough_first, _Trial, _with_wind_anew
 from dsz_daemon.diagnose.starts import starts_of
 
 MIDDLE = slice(500, N - 500)
@@ -115,10 +115,14 @@ def test_a_wind_is_felt_anew_only_where_the_yaw_rate_is_off(monkeypatch: pytest.
     assert anew.effects == ("side_wind",)
 
 
-def test_beside_a_wind_that_is_felt_anew_a_good_part_of_it_has_to_be_gained() -> None:
-    gains = {"side_wind": 200.0, "gyro_scale": 2000.0}
-    assert _share(gains) == pytest.approx(33.0)
-    assert _share(gains, True) == pytest.approx(60.0)
+def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part_of_it() -> None:
+    one, x = blown_on(0.3)
+    best = fitted(one, rows_of(one), x, ("side_wind",), {})
+    steps = [Step(effect, 50.0, best) for effect in ("steering_offset", "gyro_scale")]
+    assert _enough_first(one, best, steps, 10.0) == steps
+    assert _enough_first(one, best, steps, 10.0, 60.0)[0].effect == "gyro_scale"
+    assert _enough_first(one, best, steps[:1], 10.0, 60.0) == []
+    assert _enough_first(one, best, steps[:1], 10.0, 40.0) == steps[:1]
 
 
 def test_a_wind_by_the_lean_is_not_felt_anew() -> None:
@@ -143,3 +147,13 @@ def test_where_a_wind_pushes_is_kept_where_the_road_is_felt_afresh() -> None:
     fit = fitted(one, rows_of(one), x, ("side_wind", "road_bank"), {}, felt=Felt(one, x, ("side_wind",)))
     assert fit.x[AHEAD] == pytest.approx(0.4, abs=0.1)
     assert fit.x[leans] == pytest.approx(0.7)
+
+
+def test_an_offset_and_a_leak_of_gravity_are_the_same_beside_a_wind_that_is_felt_anew() -> None:
+    one, x = blown_on(0.3)
+    felt = Felt(one, x, ("side_wind",)).anew()
+    assert felt is not None
+    columns = [INDEX["offset_accel_y"], INDEX["accel_cross_axis.yz"]]
+    slopes = sensitivities(one, rows_of(one), x, felt(x), predicted(one, x, felt(x)), columns, felt)
+    np.testing.assert_allclose(slopes[:, 2, 1], 9.80665 * slopes[:, 2, 0], rtol=0.05, atol=1e-3)
+    assert np.std(slopes[:, 2, 0]) > 1e-3
