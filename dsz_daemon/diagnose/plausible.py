@@ -82,11 +82,8 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
 
 
 def _pushes_at_the_road(fit: Fit) -> bool:
-    """Whether a body that leans is told to lean to the wind as to its tyres: a wind pushes the body, not the road."""
-    if not {_LEANS, _WIND_LEANS} <= set(fit.columns):
-        return False
-    most = fit.x[_WIND_LEANS] + _TOLD * fit.std[fit.columns.index(_WIND_LEANS)]
-    return bool(fit.x[_LEANS] > SOFT and most < _ON_THE_BODY)
+    """Whether a soft body leans to the wind as to its tyres: a wind pushes the body, not the road."""
+    return bool(fit.x[_LEANS] > SOFT and fit.x[_WIND_LEANS] < _ON_THE_BODY)
 
 
 def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:

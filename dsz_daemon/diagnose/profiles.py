@@ -25,7 +25,7 @@ _ROAD_HZ, _REACH = 1.5, 100
 _ROAD_KERNEL = np.hamming(2 * _REACH + 1) * np.sinc(2.0 * _ROAD_HZ * DT_S * np.arange(-_REACH, _REACH + 1))
 _ROAD_KERNEL /= _ROAD_KERNEL.sum()
 # A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
-_WIND_ROUNDS, _AGAIN = 15, 4
+_WIND_ROUNDS, _ROUGHLY, _AGAIN = 15, 9, 4
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
 # What makes another road of what the roll and pitch gyros show, and what tells of anything later than it was.
 _TURN_THE_GYROS = frozenset(
@@ -70,7 +70,7 @@ class Felt:
         road = self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
         return _with_wind(self._drive, x, road, _AGAIN) if self.is_anew else road
 
-    def blown(self, x: Floats, effects: tuple[str, ...]) -> Felt:
+    def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = _WIND_ROUNDS) -> Felt:
         """The same road, as it is corrected in `x`, and the wind that is felt on it."""
         found, soft = copy(self), by_the_lean(x)
         found.is_anew = False
@@ -78,7 +78,8 @@ class Felt:
         found._start[: len(OFFSETS)] = self._start[: len(OFFSETS)]
         if soft:
             found._lean_share = 0.0
-        there = (_with_wind_that_leans if soft else _with_wind)(self._drive, x, found(x))
+        road = found(x)
+        there = _with_wind_that_leans(self._drive, x, road) if soft else _with_wind(self._drive, x, road, rounds)
         found._first = found._first._replace(side_n=there.side_n)
         return found
 
@@ -216,7 +217,7 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) 
     def left_at(ahead_m: float) -> float:
         there = x.copy()
         there[_WIND_AHEAD] = ahead_m
-        left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects)(there))[:, _YAW]
+        left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects, _ROUGHLY)(there))[:, _YAW]
         return float(np.nanvar(left[rolling]))
 
     left = np.array([left_at(ahead_m) for ahead_m in _AHEAD_M])
