@@ -208,7 +208,7 @@ EFFECTS: tuple[Effect, ...] = (
             # Against brakes that work by static load.
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
             # Of what tyres that roll, and the air, take of a usual car.
-            Parameter("resistance", "1", 0.5, 0.0, 3.0, math.inf),
+            Parameter("resistance", "1", 0.5, 0.0, 2.0, math.inf),
         ),
     ),
     Effect(
