@@ -72,7 +72,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
     said = causes or errors or shapes or unexplained
-    offsets = _offsets(found)
+    offsets = _offsets(found, causes)
     return Diagnosis(
         verdict(bool(causes), bool(shapes or unexplained)),
         located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if said else [],
@@ -101,13 +101,16 @@ def _wheel_shapes(found: Search) -> list[Shape]:
     ]
 
 
-def _offsets(found: Search) -> dict[str, tuple[float, float]]:
+def _offsets(found: Search, causes: Sequence[Cause] = ()) -> dict[str, tuple[float, float]]:
+    """Each channel's offset and spread, a road that tilts all the way and a turned mount that is no cause included."""
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
     bank, grade = _told_road(found)[1]
-    for name, tilt_rad in (("offset_accel_x", grade), ("offset_accel_y", bank)):
+    turned = "imu_misalignment" in found.best.effects and not any(c.effect == "imu_misalignment" for c in causes)
+    roll, pitch = (found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]] if turned else 0.0 for axis in ("roll", "pitch"))
+    for name, tilt_rad in (("offset_accel_x", grade - pitch), ("offset_accel_y", bank + roll)):
         value, std = offsets[name]
-        offsets[name] = (value + motion.G * tilt_rad, std)
+        offsets[name] = (value + motion.G * float(tilt_rad), std)
     return offsets
 
 

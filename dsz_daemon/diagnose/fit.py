@@ -54,6 +54,7 @@ _WAYS_TO_BE_WRONG = 8
 _WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
+_RESISTANCE = INDEX["wheel_slip.resistance"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -160,13 +161,16 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     first = [i for i in nuisances(tolerance) if i not in hidden]
+    # Wheels slip against a road that climbs all the way as against what slows a car.
+    held = {_RESISTANCE} if "road_grade" in effects else set()
     # A guessed effect's parameter that nothing was guessed of is not there.
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if e not in GUESSED or start[i] != 0.0),
+        *(i for e in effects for i in words.columns_of(e) if i not in held and (e not in GUESSED or start[i] != 0.0)),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
+    x[list(held)] = 0.0
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):

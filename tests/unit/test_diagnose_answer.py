@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dsz_daemon.diagnose import aliases, answer, level
-from dsz_daemon.diagnose.effects import BUILT_IN
+from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.said import Value
 from dsz_daemon.diagnose.search import Step
@@ -147,13 +147,22 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     waves = 0.01 * np.sin(2.0 * np.pi * np.arange(1000) / 250.0)
     road = flat(1000)._replace(grade_rad=0.05 + waves, bank_rad=-0.02 + waves)
     rows = SimpleNamespace(at=np.arange(0, 1000, 4), used=np.ones((250, 13), dtype=np.bool_))
-    search: Any = SimpleNamespace(best=SimpleNamespace(road=road, x=nothing()), rows=rows, drive=None)
+    best = SimpleNamespace(road=road, x=nothing(), effects=("road_grade",))
+    search: Any = SimpleNamespace(best=best, rows=rows, drive=None)
     offsets = {"offset_accel_x": (0.1, 0.01), "offset_accel_y": (0.2, 0.01), "mass_kg": (0.0, 0.0)}
     monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
     told = answer._offsets(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
     np.testing.assert_allclose(answer._told_road(search)[0].grade_rad, waves, atol=1e-5)
+    # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
+    best.effects = ("road_grade", "imu_misalignment")
+    best.x[[INDEX["imu_misalignment.roll_rad"], INDEX["imu_misalignment.pitch_rad"]]] = 0.03, 0.04
+    told = answer._offsets(search)
+    assert told["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * (0.05 - 0.04), abs=1e-4)
+    assert told["offset_accel_y"][0] == pytest.approx(0.2 + 9.80665 * (-0.02 + 0.03), abs=1e-4)
+    named: Any = [SimpleNamespace(effect="imu_misalignment")]
+    assert answer._offsets(search, named)["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4)
 
 
 @pytest.mark.parametrize(

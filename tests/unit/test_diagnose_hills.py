@@ -129,3 +129,14 @@ def test_a_scale_that_a_level_car_can_not_tell_has_a_spread_that_says_so() -> No
     assert spread["x"] < 0.01
     assert spread["y"] < 0.01
     assert spread["z"] > 0.3
+
+
+def test_on_a_road_that_climbs_nothing_else_slows_a_car() -> None:
+    """Wheels slip against a climb that lasts as against rolling tyres: fitted on level roads only."""
+    one = scattered({}, CITY_V, CITY_STEER)
+    x, column = numbers(wheel_slip__slip_per_force=0.05, wheel_slip__resistance=1.0), INDEX["wheel_slip.resistance"]
+    level = fitted(one, rows_of(one), x, ("wheel_slip",), TOLERANCE)
+    climbing = fitted(one, rows_of(one), x, ("wheel_slip", "road_grade"), TOLERANCE)
+    assert column in level.columns
+    assert column not in climbing.columns
+    assert climbing.x[column] == 0.0
