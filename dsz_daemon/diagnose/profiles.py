@@ -213,6 +213,8 @@ def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
 def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) -> float:
     """How far ahead of the C.G. the wind pushes, by which the yaw rate is told best: another place is another wind."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    if not np.isfinite(drive.measured[rolling, _YAW]).any():
+        return 0.0
 
     def left_at(ahead_m: float) -> float:
         there = x.copy()

@@ -43,6 +43,13 @@ def test_the_yaw_rate_tells_where_a_wind_pushes(ahead_m: float) -> None:
         assert np.std((wrong - GUSTS_N)[MIDDLE]) > 0.15 * np.std(GUSTS_N)
 
 
+@pytest.mark.filterwarnings("error")
+def test_without_a_yaw_rate_nobody_knows_where_a_wind_pushes() -> None:
+    one, _ = blown_on(0.4)
+    one.measured[:, 2] = np.nan
+    assert wind_ahead_m(one, nothing(), Felt(one, nothing(), ()), ("side_wind",)) == 0.0
+
+
 def test_a_wind_is_tried_from_where_the_yaw_rate_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = blown_on(0.4)
     rows = rows_of(one)
