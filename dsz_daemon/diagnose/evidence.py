@@ -154,7 +154,7 @@ def inverse(squares: Floats) -> Floats:
 
 
 def inverse_of_told(squares: Floats, weight: Floats) -> tuple[Floats, Floats]:
-    """Of normal equations (p, p) with a prior's `weight` (p,) in them: the inverse over what data tell, and the rest.
+    """Of normal equations (p, p) and a prior's `weight` (p,): the inverse over what the data tell, and the rest.
 
     The rest is the covariance (p, p) of what they don't tell apart, which is the prior's.
     """
@@ -163,9 +163,9 @@ def inverse_of_told(squares: Floats, weight: Floats) -> tuple[Floats, Floats]:
     values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
     is_told = values > _TOLD_APART * values[-1]
     told, rest = (vectors[:, chosen] * scale[:, np.newaxis] for chosen in (is_told, ~is_told))
-    # Each direction has what the prior says of it: none says less than that.
-    prior = np.einsum("ij,i,ij->j", vectors[:, ~is_told], weight * scale**2, vectors[:, ~is_told])
-    return (told / values[is_told]) @ told.T, (rest / prior) @ rest.T
+    # Which way the directions of one plane point is rounding's choice: the prior is that of all of it.
+    prior = rest.T @ (weight[:, np.newaxis] * rest)
+    return (told / values[is_told]) @ told.T, rest @ np.linalg.inv(prior) @ rest.T
 
 
 def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:

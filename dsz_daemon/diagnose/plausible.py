@@ -11,7 +11,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.prediction import Drive
-from dsz_daemon.diagnose.profiles import SOFT
+from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -26,13 +26,11 @@ _FAR_BEYOND = 7.5
 _TOLD = 2.0
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
-# 1: it pushes as high as the C.G. is. 0: at the road.
-_ON_THE_BODY = 0.5
-_LEANS, _WIND_LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["side_wind.leans"]
+_LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
 
 
 def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
-    """Whether a parameter that is told stands at the end of what is plausible: then something else is wrong."""
+    """Whether an effect is what it can't be, or a told parameter at the end of what is plausible: something else is."""
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
     if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit)):
@@ -83,7 +81,7 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
 
 def _pushes_at_the_road(fit: Fit) -> bool:
     """Whether a soft body leans to the wind as to its tyres: a wind pushes the body, not the road."""
-    return bool(fit.x[_LEANS] > SOFT and fit.x[_WIND_LEANS] < _ON_THE_BODY)
+    return bool(fit.x[_LEANS] > SOFT) and not by_the_lean(fit.x)
 
 
 def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:

@@ -40,6 +40,8 @@ _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
 _WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
 _AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+# Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
+_ON_THE_BODY = 0.5
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
 
@@ -189,7 +191,7 @@ def _with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = _WIND_ROUN
 
 def by_the_lean(x: Floats) -> bool:
     """Whether the wind is what leans the body: what its tyres hold against it, a soft one shows first by its roll."""
-    return bool(x[_LEANS] > SOFT and x[_WIND_LEANS] > 0.5)
+    return bool(x[_LEANS] > SOFT and x[_WIND_LEANS] > _ON_THE_BODY)
 
 
 def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
@@ -210,6 +212,8 @@ def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     return road
 
 
+# Pushed elsewhere, a car may spin: that place is no answer.
+@np.errstate(over="ignore", invalid="ignore")
 def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) -> float:
     """How far ahead of the C.G. the wind pushes, by which the yaw rate is told best: another place is another wind."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
@@ -223,9 +227,11 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) 
         return float(np.nanvar(left[rolling]))
 
     left = np.array([left_at(ahead_m) for ahead_m in _AHEAD_M])
+    if not np.isfinite(left).all():
+        return 0.0
     best = min(max(int(np.argmin(left)), 1), len(_AHEAD_M) - 2)
     curve, slope, _ = np.polyfit(_AHEAD_M[best - 1 : best + 2], left[best - 1 : best + 2], 2)
-    if not np.isfinite(left).all() or curve <= 0.0:
+    if curve <= 0.0:
         return 0.0
     return float(np.clip(-0.5 * slope / curve, _AHEAD_M[best - 1], _AHEAD_M[best + 1]))
 

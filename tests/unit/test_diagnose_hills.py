@@ -115,6 +115,16 @@ def test_what_no_data_tell_apart_is_as_open_as_it_was_before() -> None:
         assert together == pytest.approx(1.0 / count, rel=0.2)
 
 
+@pytest.mark.parametrize("count", [1e2, 1e14])
+def test_of_several_that_are_told_together_each_is_as_open_as_the_prior_of_all_allows(count: float) -> None:
+    """Sherman and Morrison: (W + N s s')^-1 = U - U s s' U / (1/N + s' U s), U = W^-1."""
+    slope, weight = np.array([1.0, 2.0, 0.5, 3.0]), np.array([1.0, 0.04, 9.0, 0.3])
+    open_ = np.diag(1.0 / weight)
+    expected = open_ - np.outer(open_ @ slope, open_ @ slope) / (1.0 / count + slope @ open_ @ slope)
+    told, rest = inverse_of_told(count * np.outer(slope, slope), weight)
+    np.testing.assert_allclose(told + rest, expected, rtol=1e-3, atol=1e-6)
+
+
 def test_what_data_tell_is_as_usual() -> None:
     squares = np.array([[4.0, 1.0], [1.0, 9.0]])
     told, rest = inverse_of_told(squares, np.full(2, 1e-3))

@@ -50,6 +50,14 @@ def test_without_a_yaw_rate_nobody_knows_where_a_wind_pushes() -> None:
     assert wind_ahead_m(one, nothing(), Felt(one, nothing(), ()), ("side_wind",)) == 0.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_where_a_car_spins_no_wind_has_pushed(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, _ = blown_on(0.4)
+    calm = Felt(one, nothing(), ())
+    monkeypatch.setattr("dsz_daemon.diagnose.profiles.predicted", lambda *_: np.full((N, 13), np.inf))
+    assert wind_ahead_m(one, nothing(), calm, ("side_wind",)) == 0.0
+
+
 def test_a_wind_is_tried_from_where_the_yaw_rate_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = blown_on(0.4)
     rows = rows_of(one)
