@@ -34,7 +34,8 @@ def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[s
     if effect in SAME_TURN:
         group += sorted(SAME_TURN - {effect, *group})
     group = [name for name in group if name not in _NAMELESS]
-    weights = {name: math.exp(min((step.gain - top) / doubt, 50.0)) for name, step in steps.items()}
+    # What was not taken for another reason than what it gains is no likelier than what was.
+    weights = {name: math.exp(min((step.gain - top) / doubt, 0.0)) for name, step in steps.items()}
     total = sum(weights.values())
     return group, [
         {"effect": name, "probability": weight / total}

@@ -135,7 +135,7 @@ def searched(
         if settled is not None:
             best = settled
             continue
-        rivals |= _rivals(best, tried)
+        rivals |= _rivals(best, tried, _rank(drive, best, tried))
         elsewhere |= {
             effect: {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
             for effect in tried[0].fit.effects[len(best.effects) :]
@@ -199,12 +199,15 @@ def _two_at_once(trial: _Trial, screening: Screening, refused: set[str], each: E
     )
 
 
-def _rivals(best: Fit, tried: Sequence[Step]) -> dict[str, tuple[Step, ...]]:
-    """Of each effect that the first has more than `best`: what was tried in its place beside what else it has more."""
+def _rivals(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:
+    """Of each effect that the first has more than `best`: what was tried in its place beside what else it has more.
+
+    What they gain is what they were ranked by.
+    """
     added = [set(step.fit.effects[len(best.effects) :]) for step in tried]
     return {
         effect: tuple(
-            Step(next(iter(mine - others)), step.gain, step.fit)
+            Step(next(iter(mine - others)), rank(step), step.fit)
             for step, mine in zip(tried, added, strict=True)
             if (others := added[0] - {effect}) < mine
         )
@@ -275,23 +278,26 @@ def _judged(trial: _Trial, tried: Iterable[Step], each: Each) -> list[Step]:
 
 
 def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
-    """The best first. What is left hangs together more or less by candidate: among rivals the same rows count.
-
-    A profile fits nearly anything, and has to gain more than what has few parameters.
-    """
+    """The best first."""
     if not tried:
         return []
     leader = max(tried, key=lambda step: step.gain)
-    if leader.gain <= 0.0:
-        return [leader]
-    close = [step.fit.per_row for step in tried if step.gain > _RIVALS * leader.gain]
-    same = np.exp(np.mean(np.log(close), axis=0))
+    return [leader] if leader.gain <= 0.0 else sorted(tried, key=_rank(drive, best, tried), reverse=True)
+
+
+def _rank(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], float]:
+    """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
+
+    A profile fits nearly anything, and has to gain more than what has few parameters.
+    """
+    least = _RIVALS * max(step.gain for step in tried)
+    same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
 
     def rank(step: Step) -> float:
-        alike = gained(drive, best, step.fit, same) if step.gain > _RIVALS * leader.gain else step.gain
+        alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
         return (0.8 if step.effect in OWN_CHANNEL else 1.0) * alike
 
-    return sorted(tried, key=rank, reverse=True)
+    return rank
 
 
 def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_a_car: float = 0.0) -> list[Step]:

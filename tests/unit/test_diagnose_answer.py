@@ -66,6 +66,13 @@ def test_where_the_simulation_is_in_doubt_a_gain_says_so_much_less() -> None:
     assert aliases.alternatives(search, "imu_delay", 1.8)[0] == ["sensor_bandwidth"]
 
 
+def test_what_was_not_taken_is_no_likelier_than_what_was() -> None:
+    tried = {"imu_delay": 40.0, "sensor_bandwidth": 90.0}
+    group, others = aliases.alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")
+    assert group == ["sensor_bandwidth"]
+    assert others == [{"effect": "sensor_bandwidth", "probability": pytest.approx(0.5)}]
+
+
 def test_what_is_in_the_model_is_no_alternative() -> None:
     tried = {"imu_delay": 40.0, "gyro_scale": 39.0}
     assert aliases.alternatives(found({"imu_delay": tried}, ("imu_delay", "gyro_scale")), "imu_delay") == ([], [])

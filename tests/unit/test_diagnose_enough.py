@@ -319,13 +319,18 @@ def test_of_two_at_once_each_has_its_own_rivals() -> None:
         step(60.0, "gyro_scale", "sensor_bandwidth"),
         step(50.0, "gyro_scale", "accel_scale"),
     ]
-    rivals = {effect: [(one.effect, one.gain) for one in steps] for effect, steps in _rivals(best, tried).items()}
+
+    def rank(one: Step) -> float:
+        return 0.5 * one.gain
+
+    # By what they were ranked by, not by what each gains of its own rows.
+    rivals = {effect: [(one.effect, one.gain) for one in steps] for effect, steps in _rivals(best, tried, rank).items()}
     assert rivals == {
-        "sensor_bandwidth": [("sensor_bandwidth", 90.0), ("imu_delay", 70.0)],
-        "steering_delay": [("steering_delay", 90.0), ("gyro_scale", 60.0)],
+        "sensor_bandwidth": [("sensor_bandwidth", 45.0), ("imu_delay", 35.0)],
+        "steering_delay": [("steering_delay", 45.0), ("gyro_scale", 30.0)],
     }
     alone = [step(90.0, "steering_delay"), step(70.0, "imu_delay")]
-    assert [one.effect for one in _rivals(best, alone)["steering_delay"]] == ["steering_delay", "imu_delay"]
+    assert [one.effect for one in _rivals(best, alone, rank)["steering_delay"]] == ["steering_delay", "imu_delay"]
 
 
 def test_two_that_hide_each_other_are_both_named() -> None:
