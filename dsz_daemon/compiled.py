@@ -28,7 +28,10 @@ _PACKAGE = Path(__file__).parent
 _SOURCES = {
     "core": ("core/*.py",),
     "sim": ("sim/*.py",),
-    "diagnose": ("diagnose/motion.py", "diagnose/instruments.py", "diagnose/prediction.py", "diagnose/evidence.py"),
+    "diagnose": (
+        *("diagnose/motion.py", "diagnose/instruments.py", "diagnose/rolling.py", "diagnose/prediction.py"),
+        *("diagnose/evidence.py",),
+    ),
 }
 _OF_ALL = ("signals.py", "compiled.py")
 _PREFIX = "compiled-"

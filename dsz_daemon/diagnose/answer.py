@@ -260,7 +260,7 @@ def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
     moving, car = driven(drive, best.x, best.road), drive.car
     grip = moving.road.grip[found.rows.at]
     load_n = car.mass_kg * motion.G * car.cg_to_rear_axle_m / car.wheelbase_m
-    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / (load_n * moving.front_free[found.rows.at])
+    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / (load_n * moving.rolling.front_free[found.rows.at])
     return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
 
 

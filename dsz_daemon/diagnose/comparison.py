@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, predicted, shown
+from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
@@ -254,7 +254,7 @@ def sensitivities(
         elif touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)
         else:
-            there = predicted(drive, moved, road)
+            there = predicted(drive, moved, road, None if ROLL & {effect, parameter.name} else moving.rolling)
         return np.asarray((there[rows.at] - before) / step)
 
     found = np.zeros((len(columns), *before.shape))

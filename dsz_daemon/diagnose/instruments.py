@@ -109,20 +109,35 @@ def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
 def rolled(
     moved: Floats,
     v_mps: Floats,
-    slips: Floats,
+    front_slip: Floats,
+    rear_slip: Floats,
     cg_to_front_axle_m: float,
     front_track_m: float,
     rear_track_m: float,
+    radii: Floats,
 ) -> Floats:
-    """Each wheel's speed along its own heading (n, 4), slip (n, 4) included."""
+    """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured."""
     shown = np.empty((len(v_mps), 4))
     for i in range(len(v_mps)):
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
         cos, across = math.cos(delta), (row[0] + cg_to_front_axle_m * r) * math.sin(delta)
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
-        shown[i, 0] = ((v - front) * cos + across) * (1.0 + slips[i, 0])
-        shown[i, 1] = ((v + front) * cos + across) * (1.0 + slips[i, 1])
-        shown[i, 2] = (v - rear) * (1.0 + slips[i, 2])
-        shown[i, 3] = (v + rear) * (1.0 + slips[i, 3])
+        shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i]) / radii[0]
+        shown[i, 1] = ((v + front) * cos + across) * (1.0 + front_slip[i]) / radii[1]
+        shown[i, 2] = (v - rear) * (1.0 + rear_slip[i]) / radii[2]
+        shown[i, 3] = (v + rear) * (1.0 + rear_slip[i]) / radii[3]
+    return shown
+
+
+@compiled
+def side_by_side(reads: Floats, wheels: Floats, moved: Floats, v_mps: Floats, grade_rad: Floats) -> Floats:
+    """All channels (n, 13): the IMU's (n, 6), what is compared of the wheels (n, 3), v, v_y, r and grade."""
+    shown = np.empty((len(v_mps), 13))
+    for i in range(len(v_mps)):
+        for c in range(6):
+            shown[i, c] = reads[i, c]
+        for c in range(3):
+            shown[i, 6 + c] = wheels[i, c]
+        shown[i, 9], shown[i, 10], shown[i, 11], shown[i, 12] = v_mps[i], moved[i, 0], moved[i, 1], grade_rad[i]
     return shown

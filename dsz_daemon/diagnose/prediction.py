@@ -10,9 +10,10 @@ import numpy as np
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
-from dsz_daemon.diagnose.instruments import felt, followed, rolled
+from dsz_daemon.diagnose.instruments import felt, followed, rolled, side_by_side
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
+from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -30,16 +31,15 @@ CHANNELS = (
 
 
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
-_PULL_KERNEL = filter_kernel(0.07)
-# Slip takes a share of what the wheels roll, and follows from what is left.
-_SLIP_ROUNDS = 2
+_WHEELS = ("fl", "fr", "rl", "rr")
+# Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
+ROLL = frozenset(
+    {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
+    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s"}
+)
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
-# Of an axle's side force, however it is driven or braked.
-_LEAST_FREE = 0.05
-# What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
-_ROLLS_MPS2, _AIR_PER_M = 0.12, 2.6e-4
 
 
 class Drive(NamedTuple):
@@ -139,8 +139,8 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
 class Moving(NamedTuple):
     """The car on its drive: motion (n, 12), speed and its rate (n,), what is compared of the wheels (n, 3), the road.
 
-    `front_free` (n,): what drive and brakes leave of the front axle's side force.
-    `imu_ahead_m`: how far the IMU stands ahead of where the C.G. is, without being moved itself.
+    `rolling`: what is known before the car moves sideways. `imu_ahead_m`: how far the IMU stands ahead of where the
+    C.G. is, without being moved itself.
     """
 
     moved: Floats
@@ -149,48 +149,28 @@ class Moving(NamedTuple):
     wheels: Floats
     imu_ahead_m: float
     road: Profiles
-    front_free: Floats
+    rolling: Rolling
 
 
 # A car that has become unstable is infinitely wrong; whoever compares looks at that.
 @np.errstate(over="ignore", invalid="ignore")
-def predicted(drive: Drive, x: Floats, road: Profiles) -> Floats:
+def predicted(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None) -> Floats:
     """All channels (n, 13) for the parameters `x` (in the order of `COLUMNS`), on this road and `x`'s corrections."""
-    return shown(drive, x, driven(drive, x, road))
+    return shown(drive, x, driven(drive, x, road, rolls))
 
 
-def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
-    """The car's motion for the parameters `x`; of those that `touches` calls the sensors' it knows nothing."""
-    road = on_road(road, x)
+def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None) -> Moving:
+    """The car's motion for the parameters `x`; of those that `touches` calls the sensors' it knows nothing.
+
+    `rolls`: of another `x` on the same road that differs in none of `ROLL`.
+    """
+    rolls, road = rolls_of(drive, x, road) if rolls is None else rolls, on_road(road, x)
 
     def at(name: str) -> float:
         return float(x[INDEX[name]])
 
     car = drive.car
-    steer = drive.steer
-    if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
-        hand = np.abs(steer) * drive.steering_ratio
-        steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
-    late_s = at("steering_delay.delay_s") + at("steering_skew_s")
-    steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
-    radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
-    own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
-    squares = np.array([at(f"wheel_square.{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
-    wheels = drive.wheels - squares * drive.wheels**2 if squares.any() else drive.wheels
-    rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
-    v = rolled_mps * _of_the_front(car, steer, rolled_mps) if drive.front_gives_speed else rolled_mps
-    slips = np.zeros((len(v), 4))
-    if at("wheel_slip.slip_per_force") != 0.0:
-        # A speed that is differentiated for its slip is differentiated again for its acceleration: less noise first.
-        rolls = v
-        for _ in range(_SLIP_ROUNDS):
-            pull_mps2 = filtered(np.gradient(v, DT_S), _PULL_KERNEL) + G * road.grade_rad
-            pull_mps2 += at("wheel_slip.resistance") * (_ROLLS_MPS2 + _AIR_PER_M * v**2)
-            front_use, rear_use = _uses(car, at("wheel_slip.front_brakes_more"), pull_mps2)
-            slips[:, :2], slips[:, 2:] = (
-                at("wheel_slip.slip_per_force") * use[:, np.newaxis] for use in (front_use, rear_use)
-            )
-            v = rolls / (1.0 + slips[:, own.start])
+    radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf = car.cg_to_front_axle_m * (1.0 + at("cg_to_front_axle_m")) - shift
     lr = car.cg_to_rear_axle_m * (1.0 + at("cg_to_rear_axle_m")) + shift
@@ -223,18 +203,44 @@ def driven(drive: Drive, x: Floats, road: Profiles) -> Moving:
         at("hasty_s"),
         at("load_height_m"),
     )
-    v_rate = np.gradient(v, DT_S)
-    front_mps = rolled_mps / (1.0 + slips[:, 0]) if drive.front_gives_speed else np.zeros(0)
-    ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse"))
-    free = _free(car, at("wheel_slip.front_brakes_more"), v, ellipse * road.grip, road.grade_rad)
-    there = (road.grip, road.side_n, road.bank_rad, road.grade_rad, road.lean_mps2, road.lean_share, *free)
-    m = moved(model, steer, v, v_rate, front_mps, *there, DT_S)
+    given = (rolls.steer_rad, rolls.v_mps, rolls.v_rate, rolls.front_mps, road.grip, road.side_n)
+    leaning = (road.bank_rad, road.grade_rad, road.lean_mps2)
+    m = moved(model, *given, *leaning, road.lean_share, rolls.front_free, rolls.rear_free, DT_S)
+    v, v_rate = rolls.v_mps, rolls.v_rate
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()
-        v_rate = np.gradient(v, DT_S)
+        v_rate = rate_of(v, DT_S)
     tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear")))
-    compared = _compared(drive, rolled(m, v, slips, lf, *tracks_m) / radii, squares, at("wheel_speed_delay.delay_s"))
-    return Moving(m, v, v_rate, compared, -shift, road, free[0])
+    wheels_mps = rolled(m, v, rolls.front_slip, rolls.rear_slip, lf, *tracks_m, radii)
+    compared = _compared(drive, wheels_mps, _squares(x), at("wheel_speed_delay.delay_s"))
+    return Moving(m, v, v_rate, compared, -shift, road, rolls)
+
+
+def _squares(x: Floats) -> Floats:
+    return np.array([x[INDEX[f"wheel_square.{wheel}"]] for wheel in _WHEELS])
+
+
+def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
+    """What is known before the car moves sideways, for the parameters of `ROLL` on this road with `x`'s corrections."""
+    road = on_road(road, x)
+
+    def at(name: str) -> float:
+        return float(x[INDEX[name]])
+
+    steer = drive.steer
+    if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
+        hand = np.abs(steer) * drive.steering_ratio
+        steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
+    late_s = at("steering_delay.delay_s") + at("steering_skew_s")
+    steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
+    radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
+    own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
+    squares = _squares(x)
+    wheels = drive.wheels - squares * drive.wheels**2 if squares.any() else drive.wheels
+    rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
+    slip = Slip(at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), at("wheel_slip.resistance"))
+    ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
+    return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad)
 
 
 def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:
@@ -249,27 +255,11 @@ def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) 
     )
 
 
-def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
-    """The car's speed over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
-
-    The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta.
-    """
-    wheelbase = car.wheelbase_m
-    front_alpha = 0.5 * car.mass_kg * car.cg_to_rear_axle_m / wheelbase / car.front_cornering_stiffness_n_per_rad
-    rear_alpha = 0.5 * car.mass_kg * car.cg_to_front_axle_m / wheelbase / car.rear_cornering_stiffness_n_per_rad
-    r = front_mps * steer / (wheelbase + (front_alpha - rear_alpha) * front_mps**2)
-    alpha = front_alpha * front_mps * r
-    return np.asarray(np.cos(steer - alpha) / np.cos(alpha), dtype=np.float64)
-
-
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     """What the instruments make of the motion: all channels (n, 13)."""
-    out = np.empty((len(moving.v_mps), len(CHANNELS)))
-    out[:, :6] = _imu(x, moving, moving.imu_ahead_m)
+    reads = _imu(x, moving, moving.imu_ahead_m)
+    out = side_by_side(reads, moving.wheels, moving.moved, moving.v_mps, moving.road.grade_rad)
     _clip(drive, x, out)
-    out[:, 6:9] = moving.wheels
-    out[:, 9], out[:, 10], out[:, 11] = moving.v_mps, moving.moved[:, motion.VY], moving.moved[:, motion.R]
-    out[:, 12] = moving.road.grade_rad
     _add_own(drive, x, moving, out)
     out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
     return out
@@ -308,45 +298,6 @@ def _add_own(drive: Drive, x: Floats, moving: Moving, out: Floats) -> None:
 
 def _own_parameters(drive: Drive, name: str) -> list[tuple[int, Parameter]]:
     return [(i, drive.vocabulary.columns[i][1]) for i in drive.vocabulary.columns_of(name)]
-
-
-def earlier(values: Floats, by_s: float) -> Floats:
-    """What the values will be `by_s` later (what a late sensor has not told yet); level beyond the ends."""
-    if by_s == 0.0:
-        return values
-    place = np.arange(len(values)) + by_s / DT_S
-    return np.asarray(np.interp(place, np.arange(len(values)), values), dtype=np.float64)
-
-
-def _uses(car: Car, front_more: float, pull_mps2: Floats) -> tuple[Floats, Floats]:
-    """Each axle's force along over its load (n,): drive on the driven ones, brakes by load but for `front_more`.
-
-    That is of the front's share of the brakes.
-    """
-    wheelbase = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
-    front_load, rear_load = car.cg_to_rear_axle_m / wheelbase, car.cg_to_front_axle_m / wheelbase
-    front_share = front_load if car.front_driven and car.rear_driven else 1.0 if car.front_driven else 0.0
-    front_brakes = front_load * (1.0 + front_more)
-    driving = np.maximum(pull_mps2, 0.0) / G
-    braking = np.minimum(pull_mps2, 0.0) / G
-    front = (braking * front_brakes + driving * front_share) / front_load
-    rear = (braking * (1.0 - front_brakes) + driving * (1.0 - front_share)) / rear_load
-    return front, rear
-
-
-def _free(car: Car, front_more: float, v_mps: Floats, grip: Floats, grade_rad: Floats) -> tuple[Floats, Floats]:
-    """What drive and brakes leave of each axle's side force (n,), where grip ends: sqrt(1 - (F_x / (mu F_z))^2).
-
-    The friction ellipse (Milliken and Milliken, Race Car Vehicle Dynamics, chapter 2), of `grip` = 1 / mu^2 (n,).
-    """
-    whole = np.ones(len(v_mps))
-    if not grip.any():
-        return whole, whole
-    pull_mps2 = filtered(np.gradient(v_mps, DT_S), _PULL_KERNEL) + G * grade_rad
-    front, rear = (
-        np.sqrt(np.maximum(1.0 - use**2 * grip, _LEAST_FREE**2)) for use in _uses(car, front_more, pull_mps2)
-    )
-    return front, rear
 
 
 def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:

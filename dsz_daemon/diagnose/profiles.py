@@ -7,14 +7,15 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.signal import oaconvolve
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import FORM, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
-from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, earlier, flat, predicted
-from dsz_daemon.diagnose.recording import DT_S, filtered
+from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, flat, predicted, rolls_of
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.rolling import earlier
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -43,7 +44,7 @@ _AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
 # Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
 _ON_THE_BODY = 0.5
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
-SOFT, _LEAN_ROUNDS, _SLOW_S = 0.004, 3, 6.0
+SOFT, _LEAN_ROUNDS, _SLOW_KERNEL = 0.004, 3, filter_kernel(6.0)
 
 
 class Felt:
@@ -169,10 +170,10 @@ def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:
 
 def _with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = _WIND_ROUNDS) -> Profiles:
     """The side force that the lateral accelerometer has left over, of which the tyres' answer is taken away again."""
-    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    rolling, rolls = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS, rolls_of(drive, x, road)
 
     def left_by(road: Profiles) -> tuple[Floats, float]:
-        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road)[:, _ACROSS])
+        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road, rolls)[:, _ACROSS])
         left_mps2 = np.where(rolling, left_mps2, 0.0)
         return left_mps2, float(np.sum(left_mps2**2))
 
@@ -200,16 +201,22 @@ def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     Tyres that answer at once hold all of it: v_y' + r v = 0, lean = -k F/m, and reading_y = g lean.
     """
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    force_per_lean, least = -drive.car.mass_kg / float(x[_LEANS]), math.inf
+    force_per_lean, least, rolls = -drive.car.mass_kg / float(x[_LEANS]), math.inf, rolls_of(drive, x, road)
     for _ in range(_LEAN_ROUNDS):
-        left = np.where(rolling[:, np.newaxis], np.nan_to_num(drive.measured - predicted(drive, x, road)), 0.0)
+        left = np.where(rolling[:, np.newaxis], np.nan_to_num(drive.measured - predicted(drive, x, road, rolls)), 0.0)
         tilt, shown = np.cumsum(left[:, 0]) * DT_S, left[:, _ACROSS] / motion.G
-        lean = filtered(tilt + gaussian_filter1d(shown - tilt, _SLOW_S / DT_S), _ROAD_KERNEL)
+        lean = filtered(tilt + _slow_part(shown - tilt), _ROAD_KERNEL)
         if (size := float(np.sum(lean**2))) > least:
             break
         least = size
         road = road._replace(side_n=road.side_n + force_per_lean * np.where(rolling, _in_time(lean, x), 0.0))
     return road
+
+
+def _slow_part(values: Floats) -> Floats:
+    """What a Gaussian leaves of the values (n,), which are reflected at both ends."""
+    reach = len(_SLOW_KERNEL) // 2
+    return np.asarray(oaconvolve(np.pad(values, reach, mode="symmetric"), _SLOW_KERNEL, mode="valid"))
 
 
 # Pushed elsewhere, a car may spin: that place is no answer.

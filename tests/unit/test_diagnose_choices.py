@@ -248,7 +248,7 @@ def test_the_share_of_the_limit_is_of_what_drive_and_brakes_leave() -> None:
     search: Any = SimpleNamespace(drive=one, best=best, rows=rows_of(one))
     share, _ = answer._front_share(search, "low_friction")
     moving = prediction.driven(one, x, flat(N))
-    pulled = moving.front_free[search.rows.at] < 0.6
+    pulled = moving.rolling.front_free[search.rows.at] < 0.6
     assert pulled.any()
     assert 0.8 < np.abs(share[pulled]).max() < 1.0
 

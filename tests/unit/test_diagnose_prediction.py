@@ -10,9 +10,11 @@ import pytest
 from core_cases import TUCSON
 from scipy.signal import firwin, lfilter
 
+from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import profiles
 from dsz_daemon.diagnose import recording as recordings
 from dsz_daemon.diagnose.effects import (
+    BUILT_IN,
     COLUMNS,
     EFFECTS,
     INDEX,
@@ -25,10 +27,10 @@ from dsz_daemon.diagnose.effects import (
     vocabulary,
 )
 from dsz_daemon.diagnose.instruments import followed
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, drive_of, flat, nothing, predicted
-from dsz_daemon.diagnose.prediction import _free as free_of
+from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, drive_of, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
+from dsz_daemon.diagnose.rolling import free_of
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -322,6 +324,26 @@ def test_brakes_at_the_front_take_of_the_front_axles_side_force() -> None:
     assert rear == pytest.approx(
         math.sqrt(1.0 - (3.0 / 9.80665 * (1.0 - 1.3 * share) / (1.0 - share) / 0.5) ** 2), rel=1e-3
     )
+
+
+@pytest.mark.parametrize("car", [TUCSON, TUCSON._replace(front_driven=False, rear_driven=True)])
+def test_what_is_known_before_the_car_moves_sideways_is_the_same_for_all_other_parameters(car: Car) -> None:
+    """A slope that takes it from where it is looked from is the one that does not, for each single parameter."""
+    v, steer = 12.0 + 3.0 * np.sin(0.4 * T), 0.05 * np.sin(T)
+    wheels = np.tile(v[:, np.newaxis], (1, 4)) * [1.0, 1.01, 0.99, 1.0]
+    one = drive_of(Recording(T, steer, wheels, np.zeros((N, 6)), np.ones(10)), car, RATIO)
+    x = 3.0 * np.array([parameter.step for _, parameter in BUILT_IN.columns])
+    x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 5.0, 20.0
+    x[[INDEX["low_friction.inverse_square"], INDEX["low_friction.ellipse"]]] = 0.3**-2, 0.5
+    road = flat(N)._replace(bank_rad=0.02 * np.sin(0.3 * T), grade_rad=0.02 * np.cos(0.3 * T), side_n=200.0 * np.sin(T))
+    rolls = rolls_of(one, x, road)
+    for i, (effect, parameter) in enumerate(BUILT_IN.columns):
+        other = x.copy()
+        other[i] += parameter.step
+        if not ROLL & {effect, parameter.name}:
+            again = rolls_of(one, other, road)
+            assert all(np.array_equal(*pair) for pair in zip(rolls, again, strict=True)), (effect, parameter.name)
+            np.testing.assert_array_equal(predicted(one, other, road, rolls), predicted(one, other, road))
 
 
 def test_a_car_that_speeds_up_on_ice_goes_straight() -> None:

@@ -1,0 +1,168 @@
+"""What the wheels that give the speed roll, and what drive and brakes make of it: speed, slip, what is left of grip."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.compiled import compiled
+from dsz_daemon.core.parameters import Car
+from dsz_daemon.diagnose.instruments import slope_at
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+G = STANDARD_GRAVITY_MPS2
+_PULL_KERNEL = filter_kernel(0.07)
+# Slip takes a share of what the wheels roll, and follows from what is left.
+_SLIP_ROUNDS = 2
+# Of an axle's side force, however it is driven or braked.
+_LEAST_FREE = 0.05
+# What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
+_ROLLS_MPS2, _AIR_PER_M = 0.12, 2.6e-4
+
+
+class Rolling(NamedTuple):
+    """What of a drive is known before the car moves sideways (n,): the road wheels' angle, the speed, its rate.
+
+    `front_mps` (n,) or (0,): what the front axle rolls, where that gives the speed. `front_slip`, `rear_slip`: shares
+    that the wheels turn faster. `front_free`, `rear_free`: what drive and brakes leave of an axle's side force.
+    """
+
+    steer_rad: Floats
+    v_mps: Floats
+    v_rate: Floats
+    front_mps: Floats
+    front_slip: Floats
+    rear_slip: Floats
+    front_free: Floats
+    rear_free: Floats
+
+
+class Slip(NamedTuple):
+    """Slip over the force along (over load), how much more the front brakes, resistance in parts of the usual one."""
+
+    per_force: float
+    front_brakes_more: float
+    resistance: float
+
+
+class _Shares(NamedTuple):
+    """Of drive and of brakes what the front axle has, and of the car's weight."""
+
+    drive: float
+    brakes: float
+    load: float
+
+
+def earlier(values: Floats, by_s: float) -> Floats:
+    """What the values will be `by_s` later (what a late sensor has not told yet); level beyond the ends."""
+    if by_s == 0.0:
+        return values
+    place = np.arange(len(values)) + by_s / DT_S
+    return np.asarray(np.interp(place, np.arange(len(values)), values), dtype=np.float64)
+
+
+def rolling(
+    car: Car, steer_rad: Floats, rolled_mps: Floats, by_front: bool, slip: Slip, ellipse: Floats, grade_rad: Floats
+) -> Rolling:
+    """Of what the axle that gives the speed rolls, along its wheels (n,); that is the front one if `by_front`.
+
+    `ellipse` (n,): 1/friction^2, of which drive and brakes take their part.
+    """
+    v, shares = rolled_mps, _shares(car, slip.front_brakes_more)
+    if by_front:
+        v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps)
+    front_slip = rear_slip = np.zeros(len(v))
+    if slip.per_force != 0.0:
+        # A speed that is differentiated for its slip is differentiated again for its acceleration: less noise first.
+        rolls = v
+        for _ in range(_SLIP_ROUNDS):
+            pull_mps2 = filtered(rate_of(v, DT_S), _PULL_KERNEL)
+            front_slip, rear_slip, v = _slipped(rolls, v, pull_mps2, grade_rad, slip, shares, by_front)
+    front_mps = rolled_mps / (1.0 + front_slip) if by_front else np.zeros(0)
+    free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
+    return Rolling(steer_rad, v, rate_of(v, DT_S), front_mps, front_slip, rear_slip, *free)
+
+
+def free_of(
+    car: Car, front_brakes_more: float, v_mps: Floats, grip: Floats, grade_rad: Floats
+) -> tuple[Floats, Floats]:
+    """What drive and brakes leave of each axle's side force (n,), where grip ends: sqrt(1 - (F_x / (mu F_z))^2).
+
+    The friction ellipse (Milliken and Milliken, Race Car Vehicle Dynamics, chapter 2), of `grip` = 1 / mu^2 (n,).
+    """
+    if not grip.any():
+        whole = np.ones(len(v_mps))
+        return whole, whole
+    pull_mps2 = filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
+    free: tuple[Floats, Floats] = _free(pull_mps2, grade_rad, grip, _shares(car, front_brakes_more))
+    return free
+
+
+@compiled
+def rate_of(values: Floats, dt_s: float) -> Floats:
+    """The values' rate of change (n,): central, at the ends one-sided."""
+    found = np.empty(len(values))
+    for i in range(len(values)):
+        found[i] = slope_at(values, i, dt_s)
+    return found
+
+
+def _shares(car: Car, front_brakes_more: float) -> _Shares:
+    wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
+    load = car.cg_to_rear_axle_m / wheelbase_m
+    drive = load if car.front_driven and car.rear_driven else 1.0 if car.front_driven else 0.0
+    return _Shares(drive, load * (1.0 + front_brakes_more), load)
+
+
+@compiled
+def _uses(pull_mps2: float, shares: _Shares) -> tuple[float, float]:
+    """Each axle's force along over its load: drive on the driven ones, brakes by load but for what the front has more.
+
+    That is of the front's share of the brakes.
+    """
+    driving, braking = max(pull_mps2, 0.0) / G, min(pull_mps2, 0.0) / G
+    front = (braking * shares.brakes + driving * shares.drive) / shares.load
+    rear = (braking * (1.0 - shares.brakes) + driving * (1.0 - shares.drive)) / (1.0 - shares.load)
+    return front, rear
+
+
+@compiled
+def _slipped(
+    rolls_mps: Floats, v_mps: Floats, pull_mps2: Floats, grade_rad: Floats, slip: Slip, shares: _Shares, by_front: bool
+) -> tuple[Floats, Floats, Floats]:
+    """Both axles' slip (n,) at a speed and its rate, and the speed of a car whose wheels roll this fast with it."""
+    front, rear, slower = np.empty(len(v_mps)), np.empty(len(v_mps)), np.empty(len(v_mps))
+    for i in range(len(v_mps)):
+        against_mps2 = slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v_mps[i] * v_mps[i])
+        front_use, rear_use = _uses(pull_mps2[i] + G * grade_rad[i] + against_mps2, shares)
+        front[i], rear[i] = slip.per_force * front_use, slip.per_force * rear_use
+        slower[i] = rolls_mps[i] / (1.0 + (front[i] if by_front else rear[i]))
+    return front, rear, slower
+
+
+@compiled
+def _free(pull_mps2: Floats, grade_rad: Floats, grip: Floats, shares: _Shares) -> tuple[Floats, Floats]:
+    front, rear = np.ones(len(pull_mps2)), np.ones(len(pull_mps2))
+    for i in range(len(pull_mps2)):
+        front_use, rear_use = _uses(pull_mps2[i] + G * grade_rad[i], shares)
+        front[i] = math.sqrt(max(1.0 - front_use * front_use * grip[i], _LEAST_FREE**2))
+        rear[i] = math.sqrt(max(1.0 - rear_use * rear_use * grip[i], _LEAST_FREE**2))
+    return front, rear
+
+
+def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
+    """The car's speed over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
+
+    The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta.
+    """
+    wheelbase = car.wheelbase_m
+    front_alpha = 0.5 * car.mass_kg * car.cg_to_rear_axle_m / wheelbase / car.front_cornering_stiffness_n_per_rad
+    rear_alpha = 0.5 * car.mass_kg * car.cg_to_front_axle_m / wheelbase / car.rear_cornering_stiffness_n_per_rad
+    r = front_mps * steer / (wheelbase + (front_alpha - rear_alpha) * front_mps**2)
+    alpha = front_alpha * front_mps * r
+    return np.asarray(np.cos(steer - alpha) / np.cos(alpha), dtype=np.float64)
