@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 
@@ -24,6 +25,7 @@ _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
 _FAR_BEYOND = 7.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
+_OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 _LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
@@ -41,13 +43,24 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
 
 
 def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
-    """Whether a fit tells one of an effect's parameters at least; a profile's are no numbers of its own."""
+    """Whether a fit tells one of an effect's parameters at least; a profile's are no numbers of its own.
+
+    Of wheels their differences count: what all of them have in common may be the scale of something else.
+    """
     parameters = drive.vocabulary.columns
-    return effect in OWN_CHANNEL or any(
-        abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)])
-        for i in drive.vocabulary.columns_of(effect)
-        if i in fit.columns
+    there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
+    told = effect in OWN_CHANNEL or any(
+        abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)]) for i in there
     )
+    return told or (effect in _OF_WHEELS and any(_differ(drive, fit, *pair) for pair in combinations(there, 2)))
+
+
+def _differ(drive: Drive, fit: Fit, one: int, other: int) -> bool:
+    """Whether two parameters are surely not the same."""
+    i, j = fit.columns.index(one), fit.columns.index(other)
+    variance = fit.covariance[i, i] + fit.covariance[j, j] - 2.0 * fit.covariance[i, j]
+    spread = math.sqrt(max(float(variance), 0.0))
+    return bool(abs(fit.x[one] - fit.x[other]) >= max(drive.vocabulary.columns[one][1].least, _TOLD * spread))
 
 
 def _ends(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
+from dsz_daemon.diagnose import afterwards
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.comparison import BLOCK_S, floors, rows_of
 from dsz_daemon.diagnose.effects import INDEX
@@ -127,6 +128,32 @@ def test_an_effect_is_told_where_one_of_its_numbers_is() -> None:
     assert not is_told(one, fit, "mass_loading")
     # A profile is no number.
     assert is_told(one, fit, "road_bank")
+
+
+def test_what_an_effect_gains_is_told_by_channel() -> None:
+    """A yaw gyro's scale: by the yaw rate, and together as much as it gains."""
+    search = found(drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER))
+    by_channel = afterwards.gains_by_channel(search, "gyro_scale")
+    assert int(np.argmax(by_channel)) == 2
+    assert by_channel[2] > 0.9 * search.gains["gyro_scale"]
+    assert float(np.sum(by_channel)) == pytest.approx(search.gains["gyro_scale"], rel=0.1)
+
+
+def test_of_wheels_their_differences_are_told() -> None:
+    """What all of them have in common may be anything; what one has more than the other may not."""
+    one = drive({}, CITY_V, CITY_STEER)
+    radii = [INDEX[f"wheel_radius.{wheel}"] for wheel in ("fl", "fr", "rl", "rr")]
+    x, common = nothing(), np.full((4, 4), 0.08**2)
+    x[radii] = [-0.1065, -0.1066, -0.1050, -0.1050]
+    fit: Any = SimpleNamespace(x=x, std=np.full(4, 0.08), columns=tuple(radii), covariance=common + 2e-4**2 * np.eye(4))
+    assert is_told(one, fit, "wheel_radius")
+    # Each by itself is off by so much, too.
+    fit.covariance = common + 2e-3**2 * np.eye(4)
+    assert not is_told(one, fit, "wheel_radius")
+    # Front and rear differ by less than what is worth a word.
+    x[radii] = [-0.1065, -0.1065, -0.10648, -0.10648]
+    fit.covariance = common + 1e-6**2 * np.eye(4)
+    assert not is_told(one, fit, "wheel_radius")
 
 
 def test_a_quiet_channel_gains_where_what_hung_together_does_no_more(plain: tuple[Drive, Any, Fit]) -> None:
