@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dsz_daemon.diagnose import afterwards, motion
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
@@ -16,7 +17,7 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OF_ITSELF, OWN_CHANNEL, Fit, values_of
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.level import doubts, level_of, undoubted, unexplained_of, verdict
+from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
@@ -65,8 +66,8 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     unexplained = unexplained_of(found, level)
     errors = _parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
-    left = doubts(found, unexplained)
-    causes = [cause for effect in named if (cause := _cause(found, effect, left, each)) is not None]
+    left = doubt(found, unexplained)
+    causes = [cause for effect in named if (cause := _cause(found, effect, left)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
@@ -120,11 +121,11 @@ def _usual(found: Search) -> Floats:
     return np.asarray(np.maximum(rms, found.best.scatter.min(axis=0)), dtype=np.float64)
 
 
-def _cause(found: Search, effect: str, left: Floats, each: Each = map) -> Cause | None:
+def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     """One named effect; None where it is too small to be given a name, or gains too little.
 
-    Where a simulation is off by `left` (13,) times what it may be, what looks like a cause may be how it is wrong: so
-    many times more has to be gained, by all of it, or in each channel.
+    Where a simulation is off by `left` times what it may be, what looks like a cause may be how it is wrong: so many
+    times more has to be gained.
     """
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
@@ -135,8 +136,8 @@ def _cause(found: Search, effect: str, left: Floats, each: Each = map) -> Cause 
         for name, (value, std) in values.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    enough = _TOLD_GAIN * (_PROFILE if effect in OWN_CHANNEL else 1.0)
-    if (named and not any(named)) or (doubt := _doubt(found, effect, left, enough, each)) is None:
+    enough = _TOLD_GAIN * left * (_PROFILE if effect in OWN_CHANNEL else 1.0)
+    if (named and not any(named)) or found.gains[effect] < enough:
         return None
     units = {p.name: p.unit for p in described.parameters}
     values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}
@@ -144,7 +145,7 @@ def _cause(found: Search, effect: str, left: Floats, each: Each = map) -> Cause 
         n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
     }
     values, units = _as_told(effect, _on_the_clock(found, values), units)
-    group, others = alternatives(found, effect, doubt)
+    group, others = alternatives(found, effect, left)
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
     if effect == "wheel_radius" and _shares_a_factor(found):
         words += ", but for a factor that all share, which this drive does not tell"
@@ -161,15 +162,6 @@ def _cause(found: Search, effect: str, left: Floats, each: Each = map) -> Cause 
         others,
         _to_drive_next(found, effect, group),
     )
-
-
-def _doubt(found: Search, effect: str, left: Floats, enough: float, each: Each) -> float | None:
-    """How many times less an effect's gain says, for its channels are off by `left` (13,); None where not `enough`."""
-    gain, most = found.gains[effect], float(np.max(left))
-    if gain >= enough * most:
-        return most
-    surely = undoubted(found, effect, left, each) if most > 1.0 and gain >= enough else -math.inf
-    return gain / surely if surely >= enough else None
 
 
 def _to_drive_next(found: Search, effect: str, group: list[str]) -> str | None:
@@ -268,11 +260,8 @@ def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
     moving, car = driven(drive, best.x, best.road), drive.car
     grip = moving.road.grip[found.rows.at]
     load_n = car.mass_kg * motion.G * car.cg_to_rear_axle_m / car.wheelbase_m
-    share = (
-        moving.moved[found.rows.at, motion.FRONT_N]
-        * np.sqrt(grip)
-        / (load_n * moving.rolling.front_free[found.rows.at])
-    )
+    free_n = load_n * moving.rolling.front_free[found.rows.at]
+    share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / free_n
     return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
 
 
@@ -308,7 +297,7 @@ def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = [effect for effect in _BEYOND if effect in found.best.effects]
     least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
-    values = values_of(found.drive, found.best, "") if afterwards.tolerance_gain(found, each) >= least else {}
+    values = values_of(found.drive, found.best, "") if searching.tolerance_gain(found, each) >= least else {}
     for effect in beyond:
         far = values_of(found.drive, found.best, effect)
         values |= {key: far[name] for key, name in _BEYOND[effect].items()}
@@ -359,7 +348,7 @@ def _untested(found: Search, each: Each) -> list[dict[str, str]]:
     known = {*found.best.effects, *NEVER_SCREENED, *_NAMELESS}
     rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
     columns = [i for effect in rows for i in words.columns_of(effect.name)]
-    slopes = afterwards.slopes_of(found, columns, each)
+    slopes = searching.slopes_of(found, columns, each)
     heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
     power: list[float] = np.einsum("kcp,kc->p", slopes**2, heard[found.rows.block]).tolist()
     untested = []

@@ -236,34 +236,25 @@ def correlated_rows(left: Floats, used: Bools) -> Floats:
     return found
 
 
-def gain_by_channel(
+def gain(
     before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats, quiet: Bools | None = None
-) -> Floats:
-    """Log likelihood gained in each channel (13,) on held-out blocks (b, c), SI, the channels' scatter unknown.
+) -> float:
+    """Log likelihood gained on held-out blocks (b, c), SI, the channels' scatter unknown.
 
     `per_row` as above; what is below `form` (13,), the simulation's own coarseness, gains nothing, and neither does a
-    channel that is `quiet` (13,) already; it may lose. Where a sum of squares is none (the car became unstable) all
-    gain -inf.
+    channel that is `quiet` (13,) already; it may lose. A sum of squares that is none (the car became unstable) gains
+    -inf.
     """
     known = count.sum(axis=0) > 0
     before, after, rows = before[:, known], after[:, known], count[:, known]
     # A trial fit in which the car is unstable has sums that are no sums of squares.
     old, new = before.sum(axis=0), after.sum(axis=0)
     if not (np.isfinite(new) & (new >= -_ROUNDING * old)).all():
-        return np.full(len(known), -math.inf)
+        return -math.inf
     coarse, independent = rows * np.maximum(form[known] ** 2, 1e-24), rows / per_row[known]
     each = _likelihood((np.maximum(after, 0.0) + coarse) / per_row[known], independent)
     each -= _likelihood((np.maximum(before, 0.0) + coarse) / per_row[known], independent)
-    found = np.zeros(len(known))
-    found[known] = each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)
-    return found
-
-
-def gain(
-    before: Floats, after: Floats, count: Floats, per_row: Floats, form: Floats, quiet: Bools | None = None
-) -> float:
-    """What is gained in all channels together; as above."""
-    return float(np.sum(gain_by_channel(before, after, count, per_row, form, quiet)))
+    return float(np.sum(each if quiet is None else np.where(quiet[known], np.minimum(each, 0.0), each)))
 
 
 def likelihood_of(rows: Rows, left: Floats, per_row: Floats) -> float:

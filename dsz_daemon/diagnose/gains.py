@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, floors
-from dsz_daemon.diagnose.evidence import gain_by_channel
+from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
@@ -33,19 +33,6 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
     `per_row` (13,): how many rows count as one, if not as many as hang together in what the larger model leaves.
     `kind`: on whole manoeuvres, or recordings, that it has not seen.
     """
-    parameters = drive.vocabulary.columns
-    moved = [
-        i
-        for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
-        if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
-    ]
-    found = float(np.sum(gained_by_channel(drive, smaller, larger, per_row, kind))) - _A_PARAMETER * len(moved)
-    # That readings stand at a limit is seen without any simulation.
-    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
-
-
-def gained_by_channel(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> Floats:
-    """As above by channel (13,), before parameters are paid for."""
     per_row = larger.per_row if per_row is None else per_row
     count, form = larger.sums.counts.copy(), smaller.form.copy()
     # What hung together, and does so no more, has gained however small it is.
@@ -64,10 +51,18 @@ def gained_by_channel(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats |
         if effect in {"road_bank", "road_grade"}:
             # With the profile comes its gyro's noise.
             form[UPRIGHT] = max(form[UPRIGHT], larger.form[UPRIGHT])
+    parameters = drive.vocabulary.columns
+    moved = [
+        i
+        for i, std in zip(larger.columns, larger.std.tolist(), strict=True)
+        if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
+    ]
     before, after = (
         np.where(count > 0.0, fit.together[kind] if kind else fit.unseen, 0.0) for fit in (smaller, larger)
     )
-    return gain_by_channel(before, after, count, per_row, form, mute)
+    found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
+    # That readings stand at a limit is seen without any simulation.
+    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
 
 
 def quiet(drive: Drive, fit: Fit) -> Bools:

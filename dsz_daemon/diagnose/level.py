@@ -6,11 +6,9 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from dsz_daemon.diagnose.afterwards import gains_by_channel
-from dsz_daemon.diagnose.comparison import Each, floors
+from dsz_daemon.diagnose.comparison import floors
 from dsz_daemon.diagnose.locate import channel_names
 from dsz_daemon.diagnose.own_noise import is_its_own
-from dsz_daemon.diagnose.prediction import Floats
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -51,22 +49,13 @@ def verdict(explained: bool, left: bool) -> str:
     return "explained" if explained else "consistent"
 
 
-def doubts(found: Search, unexplained: Collection[str]) -> Floats:
-    """Of each channel (13,), what is left over what may be, in its usual block: 1, or more where it is not explained.
+def doubt(found: Search, unexplained: Collection[str]) -> float:
+    """What is left of the channel that is explained the least, over what may be, in its usual block: 1 or more.
 
     The usual one, since blocks in which the simulation is wrong by more say less already.
     """
     names, expected = channel_names(found.drive), np.hypot(floors(found.drive), found.best.form)
-    seen, result = found.best.sums.counts > 0, np.ones(len(names))
-    for c in (names.index(name) for name in unexplained):
-        result[c] = max(1.0, float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]))
-    return result
-
-
-def undoubted(found: Search, effect: str, doubts: Floats, each: Each = map) -> float:
-    """What an effect gains where each channel's share says so many times less as the channel is in doubt.
-
-    A simulation that is wrong in one channel may yet be right in another. What is lost is lost.
-    """
-    by_channel = gains_by_channel(found, effect, each)
-    return found.gains[effect] - float(np.sum(np.maximum(by_channel, 0.0) * (1.0 - 1.0 / doubts)))
+    channels = [names.index(name) for name in unexplained]
+    seen = found.best.sums.counts > 0
+    usual = [float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]) for c in channels]
+    return max([1.0, *usual])

@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows
-from dsz_daemon.diagnose.effects import CAR, GUESSED, vocabulary
+from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
+from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
-from dsz_daemon.diagnose.prediction import Drive, Floats, nothing
+from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import Screening, screened
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.starts import Start, starts_of
@@ -70,7 +70,7 @@ class Search(NamedTuple):
     """The nominal refit, the model at the end, and the rivals of each effect at the time it was chosen.
 
     `elsewhere`: what each gains on whole manoeuvres and recordings that its fit has not seen. `shapes` explained more
-    than any name did, and are in the drive's prediction. `tolerance`: of what is refitted first.
+    than any name did, and are in the drive's prediction.
     """
 
     drive: Drive
@@ -81,7 +81,6 @@ class Search(NamedTuple):
     gains: Mapping[str, float]
     elsewhere: Mapping[str, Mapping[str, float]] = MappingProxyType({})
     shapes: tuple[Found, ...] = ()
-    tolerance: Mapping[str, float] = MappingProxyType({})
 
 
 def searched(
@@ -149,12 +148,12 @@ def searched(
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
-    return _kept(Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes), tolerance), each)
+    return _kept(Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, each)
 
 
-def _kept(found: Search, each: Each) -> Search:
+def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """Without trifles, and what was found of them."""
-    best = _without_trifles(found.drive, found.rows, found.best, found.tolerance, found.gains, each)
+    best = _without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
     rivals = {effect: found.rivals[effect] for effect in best.effects}
     shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
     return found._replace(best=best, rivals=rivals, shapes=shapes)
@@ -321,10 +320,9 @@ def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_
     return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
 
 
-def without(
+def _without(
     drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str], each: Each
 ) -> Fit:
-    """The model fitted again without these effects."""
     start = best.x.copy()
     for effect in effects:
         start[list(drive.vocabulary.columns_of(effect))] = 0.0
@@ -339,7 +337,7 @@ def _settled(drive: Drive, rows: Rows, best: Fit, step: Step, tolerance: Mapping
     """
     if not OWN_CHANNEL.keys() & set(best.effects):
         return None
-    settled = without(drive, rows, step.fit, tolerance, (step.effect,), each)
+    settled = _without(drive, rows, step.fit, tolerance, (step.effect,), each)
     return settled if gained(drive, settled, step.fit) < LEAST_GAIN < gained(drive, best, settled) else None
 
 
@@ -354,7 +352,7 @@ def _plausible(
     new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
     if not wrong:
         return best, wrong
-    rest = without(drive, rows, best, tolerance, wrong, each)
+    rest = _without(drive, rows, best, tolerance, wrong, each)
     # Neither is the larger one: each is held against the other by its own independent rows.
     if new not in wrong and gained(drive, rest, before) > max(gained(drive, before, rest), LEAST_GAIN):
         return before, {new}
@@ -366,7 +364,7 @@ def _without_idle(
 ) -> Fit:
     """Each earlier effect is tried without: what another explains better has to go."""
     for effect in best.effects[:-1]:
-        smaller = without(drive, rows, best, tolerance, (effect,), each)
+        smaller = _without(drive, rows, best, tolerance, (effect,), each)
         gains[effect] = gained(drive, smaller._replace(form=rows.form), best)
         if gains[effect] < LEAST_GAIN:
             best = smaller
@@ -381,6 +379,22 @@ def _without_trifles(
     trifles = [
         effect
         for effect in best.effects
-        if gains[effect] < least and not puts_right(drive, without(drive, rows, best, tolerance, (effect,), each), best)
+        if gains[effect] < least
+        and not puts_right(drive, _without(drive, rows, best, tolerance, (effect,), each), best)
     ]
-    return without(drive, rows, best, tolerance, trifles, each) if trifles else best
+    return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
+
+
+def slopes_of(found: Search, columns: Sequence[int], each: Each = map) -> Floats:
+    """Sensitivities (k, 13, len(columns)) at the end of the search."""
+    best = found.best
+    base = predicted(found.drive, best.x, best.road)
+    return sensitivities(found.drive, found.rows, best.x, best.road, base, columns, None, each)
+
+
+def tolerance_gain(found: Search, each: Each = map) -> float:
+    """What refitting the configured parameters gains over leaving them as they are, causes included."""
+    start = found.best.x.copy()
+    start[[INDEX[p.name] for p in TOLERATED]] = 0.0
+    held = fitted(found.drive, found.rows, start, found.best.effects, {}, each=each, felt=found.best.felt)
+    return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)

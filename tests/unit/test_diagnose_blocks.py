@@ -139,7 +139,7 @@ def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatc
         slopes[50:, 2, columns.index(INDEX["gyro_scale.z"])] = 1.0
         return slopes
 
-    monkeypatch.setattr(answer.afterwards, "slopes_of", slopes_of)
+    monkeypatch.setattr(answer.searching, "slopes_of", slopes_of)
     best = SimpleNamespace(effects=(), scatter=scatter, per_row=np.ones(13))
     search: Any = SimpleNamespace(drive=SimpleNamespace(vocabulary=BUILT_IN), rows=rows, best=best)
     untested = {one["effect"] for one in answer._untested(search, map)}

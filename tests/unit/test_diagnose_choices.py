@@ -184,7 +184,7 @@ def test_beside_a_road_what_any_candidate_would_bring_is_the_models_own(
     def gains(_: Any, smaller: Any, larger: Any) -> float:
         return {(id(without), id(fit)): newest_gains, (id(best), id(without)): without_gains}[id(smaller), id(larger)]
 
-    monkeypatch.setattr(search_module, "without", refitted)
+    monkeypatch.setattr(search_module, "_without", refitted)
     monkeypatch.setattr(search_module, "gained", gains)
     the_best: Any = best
     found = search_module._settled(none, none, the_best, Step("gyro_scale", 60.0, fit), {}, map)

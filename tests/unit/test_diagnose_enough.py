@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose import afterwards
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.comparison import BLOCK_S, floors, rows_of
 from dsz_daemon.diagnose.effects import INDEX
@@ -128,15 +127,6 @@ def test_an_effect_is_told_where_one_of_its_numbers_is() -> None:
     assert not is_told(one, fit, "mass_loading")
     # A profile is no number.
     assert is_told(one, fit, "road_bank")
-
-
-def test_what_an_effect_gains_is_told_by_channel() -> None:
-    """A yaw gyro's scale: by the yaw rate, and together as much as it gains."""
-    search = found(drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER))
-    by_channel = afterwards.gains_by_channel(search, "gyro_scale")
-    assert int(np.argmax(by_channel)) == 2
-    assert by_channel[2] > 0.9 * search.gains["gyro_scale"]
-    assert float(np.sum(by_channel)) == pytest.approx(search.gains["gyro_scale"], rel=0.1)
 
 
 def test_of_wheels_their_differences_are_told() -> None:
