@@ -91,6 +91,7 @@ _SHARES = (
 )
 _MEANS = (
     _Bar("probability_of_truth", "mean probability given to the truth", 0.9),
+    _Bar("probability_or_alias", "... or to what is said to be the same on that drive", 0.9),
     _Bar("regained_median", "closable gap regained on unseen data, median", 0.9),
     _Bar("brier", "Brier score of the stated probabilities", most=0.05),
 )
@@ -118,9 +119,11 @@ def page(result: Mapping[str, Any]) -> str:
     )
     sections = {
         "Results": _results(summary),
+        "Against the length of the recording": _lengths(summary),
         "Rivals": _rivals(summary),
         "Failures": _failures(scores),
         "By effect": _by_effect(scores),
+        "One for another": _confusion(summary),
         "What has no name": _nameless(scores),
         "Every trial": _every(scores),
     }
@@ -177,7 +180,30 @@ def _results(summary: Mapping[str, Any]) -> str:
     stated += [f"| {one['stated']:.2f} | {one['right']:.2f} | {one['of']} |" for one in summary["reliability"]]
     half, longest = summary["seconds_median"], summary["seconds_longest"]
     seconds = "" if half is None else f"Half of the diagnoses took less than {half:.0f} s, the longest {longest:.0f} s."
-    return "\n".join([*rows, "", ". ".join(of_cars) + ".", *stated, "", seconds, ""])
+    begins, ends = summary["begins_off_s"], summary["ends_off_s"]
+    moments = "" if begins is None else f"Slippery stretches begin {begins:.1f} s and end {ends:.1f} s off (median). "
+    return "\n".join([*rows, "", ". ".join(of_cars) + ".", *stated, "", moments + seconds, ""])
+
+
+def _lengths(summary: Mapping[str, Any]) -> str:
+    """Of the same trials, the first part alone."""
+    words = "Of the first plain singles the judge was given the beginning alone, too, before any seal was opened."
+    rows = ["| driven | the effect first |", "|---|---|"]
+    for one in summary["lengths"]:
+        right = f"{one['hits']} of {one['of']} = {one['hits'] / one['of']:.3f} ({one['low']:.3f} to {one['high']:.3f})"
+        rows.append(f"| {one['seconds']:g} s | {right} |")
+    return "\n".join([words, "", *rows, ""]) if summary["lengths"] else "None.\n"
+
+
+def _confusion(summary: Mapping[str, Any]) -> str:
+    """Singles of any size by what was said first, where that is another."""
+    other = [row for row in summary["confusion"] if row[0] != row[1]]
+    if not other:
+        return "None.\n"
+    words = "Singles of any size of which something else was said first, or nothing; `By effect` has the others."
+    rows = ["| planted | said first | how often |", "|---|---|---|"]
+    rows += [f"| {planted} | {said} | {count} |" for planted, said, count in other]
+    return "\n".join([words, "", *rows, ""])
 
 
 def _rivals(summary: Mapping[str, Any]) -> str:

@@ -19,8 +19,9 @@ from dsz_daemon.errors import ConfigError, Fault, InputError, MachineError
 from dsz_daemon.prove.mix import Trial, trials
 from dsz_daemon.prove.recordings import PACKED, made
 from dsz_daemon.prove.rivals import boosting_and_regression
-from dsz_daemon.prove.score import SECONDS, scored
+from dsz_daemon.prove.score import SECONDS, is_first, scored
 from dsz_daemon.prove.seal import hash_of, hash_of_judge, hash_of_sources, hash_of_text, opened, sealed
+from dsz_daemon.prove.shorter import LENGTHS_S, begin, chosen, name_of
 from dsz_daemon.prove.summary import summary
 from dsz_daemon.prove.third_party_model import packages
 
@@ -53,16 +54,17 @@ def prove(
         "judge": hash_of_judge(),
     }
     _claim(folder, protocol)
-    tell = _Teller(3 * count, progress)
+    tell = _Teller(3 * count + len(LENGTHS_S) * len(chosen(drawn)), progress)
     if not (folder / SEALS).exists():
         hashes = dict(_each(_sealed_trial, [(trial, folder) for trial in drawn], jobs, tell))
         published = {"protocol": protocol, "truths": hashes, "recordings": _recordings(folder, drawn)}
         (folder / SEALS).write_text(json.dumps(published, indent=1, sort_keys=True), encoding="utf-8")
     tell.reach(count)
     published = json.loads((folder / SEALS).read_text(encoding="utf-8"))
-    _ask(folder, drawn, jobs, tell)
+    _ask([(_recording(folder, trial), _answer(folder, trial)) for trial in drawn], jobs, tell)
     if _recordings(folder, drawn) != published["recordings"]:
         raise InputError(f"{folder}: a recording is not the one that was sealed")
+    _ask_of_beginnings(folder, drawn, jobs, tell)
     by = hash_of_sources(_SCORED_BY)
     found = list(_each(_scored_trial, [(trial, folder, published["truths"], by) for trial in drawn], jobs, tell))
     found.sort(key=lambda one: one["number"])
@@ -142,6 +144,10 @@ def _scored_trial(task: tuple[Trial, Path, dict[str, str], str]) -> dict[str, An
         one: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
         return one
     one = scored(truth, _answer(folder, trial), profiles)
+    beginnings = {length_s: _of_beginning(folder, trial, length_s) for length_s in LENGTHS_S}
+    one["first_of"] = {
+        f"{length_s:g}": is_first(truth, answer) for length_s, answer in beginnings.items() if answer.exists()
+    }
     kept.write_text(json.dumps(one), encoding="utf-8")
     return one
 
@@ -159,18 +165,33 @@ def _each(function: Callable[[Any], Any], tasks: Sequence[Any], jobs: int | None
             raise
 
 
-def _ask(folder: Path, drawn: Sequence[Trial], jobs: int | None, tell: _Teller) -> None:
+def _ask_of_beginnings(folder: Path, drawn: Sequence[Trial], jobs: int | None, tell: _Teller) -> None:
+    """The same of the first part of some recordings, before any seal is opened."""
+    asked = []
+    for trial in chosen(drawn):
+        for length_s in LENGTHS_S:
+            recording = folder / "beginnings" / name_of(trial, length_s)
+            begin(_recording(folder, trial), length_s, recording)
+            asked.append((recording, _of_beginning(folder, trial, length_s)))
+    _ask(asked, jobs, tell)
+
+
+def _of_beginning(folder: Path, trial: Trial, length_s: float) -> Path:
+    return folder / "answers" / name_of(trial, length_s)
+
+
+def _ask(asked: Sequence[tuple[Path, Path]], jobs: int | None, tell: _Teller) -> None:
     """Processes that are given folders of recordings, and folders for their answers, and nothing else."""
-    waiting: Queue[Trial] = Queue()
-    for trial in drawn:
+    waiting: Queue[tuple[Path, Path]] = Queue()
+    for recording, answer in asked:
         # Written last.
-        if (_answer(folder, trial) / SECONDS).exists():
+        if (answer / SECONDS).exists():
             tell.one()
         else:
-            waiting.put(trial)
+            waiting.put((recording, answer))
     workers = min(jobs or _cpus(), max(waiting.qsize(), 1))
     with ThreadPoolExecutor(workers) as pool:
-        for done in [pool.submit(_served, folder, waiting, tell) for _ in range(workers)]:
+        for done in [pool.submit(_served, waiting, tell) for _ in range(workers)]:
             done.result()
 
 
@@ -178,23 +199,23 @@ def _cpus() -> int:
     return os.cpu_count() or 1
 
 
-def _served(folder: Path, waiting: Queue[Trial], tell: _Teller) -> None:
+def _served(waiting: Queue[tuple[Path, Path]], tell: _Teller) -> None:
     """One such process, fed until nothing waits."""
     command = [sys.executable, "-m", "dsz_daemon.runs.blind"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:  # noqa: S603 - our own program
         while True:
             try:
-                trial = waiting.get_nowait()
+                recording, answer = waiting.get_nowait()
             except Empty:
                 break
             if worker.stdin is None or worker.stdout is None:
                 raise MachineError("the process that answers has no pipes")
-            worker.stdin.write(f"{_recording(folder, trial)}\t{_answer(folder, trial)}\n")
+            worker.stdin.write(f"{recording}\t{answer}\n")
             worker.stdin.flush()
             said = worker.stdout.readline()
             if not said:
-                raise MachineError(f"the process that answers ended at {_recording(folder, trial) / PACKED}")
-            (_answer(folder, trial) / SECONDS).write_text(said.rpartition("\t")[2].strip(), encoding="utf-8")
+                raise MachineError(f"the process that answers ended at {recording / PACKED}")
+            (answer / SECONDS).write_text(said.rpartition("\t")[2].strip(), encoding="utf-8")
             tell.one()
         if worker.stdin is not None:
             worker.stdin.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,10 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
     found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
     fitted = read_samples(answer / "fit.parquet")
     causes, beside = _causes(found), rivals(fitted, found["fit"])
-    there = set(planted) | set(truth["by_construction"]) | {row["effect"] for row in truth["mild"]}
-    if set(truth["stiffness"]) != {1.0}:
-        there.add("cornering_stiffness")
+    there = _there(truth)
     allowed = there | {name for cause in causes if set(cause["group"]) & set(planted) for name in cause["group"]}
     named = [cause["effect"] for cause in causes]
-    foremost = [name for name in named if name in planted or name not in there]
+    foremost = _foremost(named, planted, there)
     groups = [cause["group"] for cause in causes if cause["effect"] in foremost]
     extra = sorted({name for name in named if name not in allowed})
     return one | {
@@ -58,24 +56,50 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "why": reasons(planted, causes, extra, found),
         "unlisted_found": _unlisted_found(truth["unlisted"], found["unlisted"]),
         "probability": [_probability(name, causes) for name in planted],
+        "probability_or_alias": [_with_aliases(name, causes) for name in planted],
         "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],
         "off": _off(causes, planted),
         "profile_rad": _profile(named, fitted, read_samples(profiles)),
         "overlap": _overlap(causes, planted),
+        "moments_off_s": _moments_off(causes, planted),
         "regained": _regained(found["fit"]),
         "boosted": beside.boosted,
         "sparse": beside.sparse,
         "picture": _picture(found["fit"], fitted),
         "error": None,
+        # Of beginnings alone, by their length in s.
+        "first_of": {},
     }
+
+
+def is_first(truth: Mapping[str, Any], answer: Path) -> bool:
+    """Whether an answer names what was planted, before anything that is not there."""
+    if not (answer / "diagnosis.json").exists():
+        return False
+    named = [one["effect"] for one in _causes(json.loads((answer / "diagnosis.json").read_text(encoding="utf-8")))]
+    planted = {one["effect"] for one in truth["effects"]}
+    foremost = _foremost(named, planted, _there(truth))
+    return bool(foremost and foremost[0] in planted)
+
+
+def _there(truth: Mapping[str, Any]) -> set[str]:
+    """All that is no mistake to name."""
+    there = {row["effect"] for row in (*truth["effects"], *truth["mild"])} | set(truth["by_construction"])
+    return there if set(truth["stiffness"]) == {1.0} else there | {"cornering_stiffness"}
+
+
+def _foremost(named: Sequence[str], planted: Collection[str], there: Collection[str]) -> list[str]:
+    """What is named and counts: what was planted, and what is not there."""
+    return [name for name in named if name in planted or name not in there]
 
 
 def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
     nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off", "why")}
     nothing |= {"alarm": False, "foremost": "nothing", "sparse": "nothing"}
     nothing |= dict.fromkeys(("first", "first_or_alias", "all_named", "all_or_alias", "unlisted_found"), False)
-    nothing |= dict.fromkeys(("profile_rad", "overlap", "regained", "boosted", "picture"))
-    return nothing | {"verdict": None, "probability": [0.0] * len(planted)}
+    nothing |= dict.fromkeys(("profile_rad", "overlap", "moments_off_s", "regained", "boosted", "picture"))
+    none = [0.0] * len(planted)
+    return nothing | {"verdict": None, "first_of": {}, "probability": none, "probability_or_alias": none}
 
 
 def _seconds(answer: Path) -> float | None:
@@ -121,6 +145,12 @@ def _probability(name: str, causes: Sequence[Mapping[str, Any]]) -> float:
     return best
 
 
+def _with_aliases(name: str, causes: Sequence[Mapping[str, Any]]) -> float:
+    """What is stated of a cause that an effect is, or that is said not to be told from it."""
+    stated = [float(cause["probability"]) for cause in causes if name in cause["group"]]
+    return max([_probability(name, causes), *stated])
+
+
 def _unlisted_found(planted: Sequence[Mapping[str, Any]], said: Sequence[Mapping[str, Any]]) -> bool:
     return bool(planted) and all(any(one["channel"] == shape["channel"] for shape in said) for one in planted)
 
@@ -158,6 +188,18 @@ def _overlap(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[
             both = min(end_s, true["end_s"]) - max(start_s, true["start_s"])
             return float(max(0.0, both) / (max(end_s, true["end_s"]) - min(start_s, true["start_s"])))
     return None
+
+
+def _moments_off(
+    causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str, Any]]
+) -> tuple[float, float] | None:
+    """By how much the beginning and the end of a slippery stretch are off, s."""
+    true = planted.get("low_friction")
+    said = next((cause["parameters"] for cause in causes if cause["effect"] == "low_friction"), None)
+    if true is None or said is None:
+        return None
+    start_s, end_s = (abs(float(said[key]["value"]) - float(true[key])) for key in ("start_s", "end_s"))
+    return start_s, end_s
 
 
 def _regained(fit: Mapping[str, Mapping[str, Any]]) -> float | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsz_daemon.prove.mix import AS_PUBLISHED, OWN
+from dsz_daemon.prove.mix import AS_PUBLISHED, OWN, SECONDS
 
 Scores = Sequence[dict[str, Any]]
 
@@ -52,6 +52,7 @@ def summary(scores: Scores) -> dict[str, Any]:
         "false_extras": share(bool(one["extra"]) for one in scores),
         "shapes_too_many": share(bool(one["shapes"]) for one in listed if one["car"] == OWN),
         "probability_of_truth": _mean(value for one in listed for value in one["probability"]),
+        "probability_or_alias": _mean(value for one in listed for value in one["probability_or_alias"]),
         "both_of_a_pair": share(one["all_named"] for one in pairs),
         "both_or_alias": share(one["all_or_alias"] for one in pairs),
         "alias_pairs": share(one["first_or_alias"] for one in scores if one["group"] == "alias_pair"),
@@ -65,6 +66,8 @@ def summary(scores: Scores) -> dict[str, Any]:
         "regained_median": _median(one["regained"] for one in listed),
         "profile_within_0.1_deg": share(one["profile_rad"] < math.radians(0.1) for one in scores if one["profile_rad"]),
         "overlap_0.7": share(one["overlap"] > 0.7 for one in scores if one["overlap"] is not None),
+        "begins_off_s": _median(one["moments_off_s"][0] for one in scores if one["moments_off_s"]),
+        "ends_off_s": _median(one["moments_off_s"][1] for one in scores if one["moments_off_s"]),
         "seconds_median": _median(one["seconds"] for one in scores),
         "seconds_longest": max((one["seconds"] for one in scores if one["seconds"]), default=None),
     }
@@ -77,6 +80,12 @@ def summary(scores: Scores) -> dict[str, Any]:
         {"size": size, "car": car} | share(one["first"] for one in singles if (one["size"], one["car"]) == (size, car))
         for size, car in sorted({(one["size"], one["car"]) for one in singles}, reverse=True)
     ]
+    found["lengths"] = [
+        {"seconds": float(length_s)} | share(one["first_of"][length_s] for one in scores if length_s in one["first_of"])
+        for length_s in sorted({length_s for one in scores for length_s in one["first_of"]}, key=float)
+    ]
+    whole = [one for one in scores if one["first_of"]]
+    found["lengths"] += [{"seconds": SECONDS} | share(one["first"] for one in whole)] if whole else []
     found["confusion"] = [
         (planted, said, count)
         for (planted, said), count in sorted(Counter((one["planted"][0], one["foremost"]) for one in singles).items())

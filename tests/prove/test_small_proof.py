@@ -32,6 +32,11 @@ def test_a_small_proof(tmp_path: Path) -> None:
     assert sum(one["first"] for one in plain) >= 0.5 * len(plain)
     assert (tmp_path / "page.md").read_text() == (folder / "proof.md").read_text()
 
+    # Beginnings were judged, too, before anything was opened.
+    lengths = {one["seconds"]: one["of"] for one in found["lengths"]}
+    assert set(lengths) == {30.0, 60.0, 100.0, 150.0}
+    assert set(lengths.values()) == {sum(one["group"] == "single" and one["size"] == 1.0 for one in scores["trials"])}
+
     # Sealed before it was answered, and nothing is done again.
     seals, answers = folder / "seal.json", sorted((folder / "answers").glob("*/diagnosis.json"))
     assert seals.stat().st_mtime_ns < min(answer.stat().st_mtime_ns for answer in answers)

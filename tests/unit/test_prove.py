@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections import Counter
 from pathlib import Path
@@ -15,8 +16,10 @@ from dsz_daemon.errors import ConfigError, InputError
 from dsz_daemon.prove.mix import MILD, OWN, as_truth, trials
 from dsz_daemon.prove.page import is_failure, page, results_lines
 from dsz_daemon.prove.prove import _claim, _sealed_trial, _truth, prove
-from dsz_daemon.prove.score import scored
+from dsz_daemon.prove.recordings import PACKED
+from dsz_daemon.prove.score import is_first, scored
 from dsz_daemon.prove.seal import opened, sealed
+from dsz_daemon.prove.shorter import begin, chosen, name_of
 from dsz_daemon.prove.sizes import at_size
 from dsz_daemon.prove.summary import summary, wilson
 from dsz_daemon.prove.unlisted import UNLISTED, with_unlisted
@@ -249,6 +252,7 @@ def test_an_alias_is_not_wrong_and_not_right(tmp_path: Path) -> None:
     assert (one["first"], one["first_or_alias"], one["extra"]) == (False, True, [])
     # Of 0.9 for the pair of them 0.3 is its part.
     assert one["probability"] == [pytest.approx(0.27)]
+    assert one["probability_or_alias"] == [pytest.approx(0.9)]
     one = answered(tmp_path, [cause("imu_delay", (), (("sensor_bandwidth", 0.2),))], planted)
     # 0.9 is stated of the cause, which is 0.8 of what there may be.
     assert one["probability"] == [pytest.approx(0.9)]
@@ -258,7 +262,73 @@ def test_another_effects_alias_group_does_not_help(tmp_path: Path) -> None:
     planted = [{"effect": "imu_delay", "parameters": {}}]
     one = answered(tmp_path, [cause("gyro_scale", ("accel_scale",))], planted)
     assert (one["first_or_alias"], one["all_or_alias"], one["extra"]) == (False, False, ["gyro_scale"])
-    assert one["probability"] == [0.0]
+    assert one["probability"] == one["probability_or_alias"] == [0.0]
+
+
+def test_a_slippery_stretchs_moments_are_scored(tmp_path: Path) -> None:
+    planted = [{"effect": "low_friction", "parameters": {"start_s": 30.0, "end_s": 70.0}}]
+    said = cause("low_friction", start_s=(32.0, None), end_s=(69.0, None))
+    one = answered(tmp_path, [said], planted)
+    assert one["moments_off_s"] == (pytest.approx(2.0), pytest.approx(1.0))
+    assert one["overlap"] == pytest.approx(37.0 / 40.0)
+    assert answered(tmp_path, [cause("gyro_scale")], planted)["moments_off_s"] is None
+    found = summary([one, one | {"moments_off_s": (4.0, 1.0)}])
+    assert (found["begins_off_s"], found["ends_off_s"]) == (pytest.approx(3.0), pytest.approx(1.0))
+
+
+def test_of_a_beginning_alone_it_is_scored_whether_it_is_right(tmp_path: Path) -> None:
+    planted = [{"effect": "imu_delay", "parameters": {}}]
+    answered(tmp_path, [cause("suspension_roll"), cause("imu_delay")], planted)
+    truth = {"effects": planted, "mild": [], "by_construction": ["suspension_roll"], "stiffness": (1.0, 1.0)}
+    assert is_first(truth, tmp_path)
+    assert not is_first(truth | {"by_construction": []}, tmp_path)
+    assert not is_first(truth, tmp_path / "nowhere")
+    answered(tmp_path, [], planted, errors=[])
+    assert not is_first(truth, tmp_path)
+
+
+def test_lengths_are_counted_of_the_trials_of_which_beginnings_were_judged(tmp_path: Path) -> None:
+    good = answered(tmp_path, [cause("gyro_scale")], [{"effect": "gyro_scale", "parameters": {}}])
+    right = good | {"first_of": {"30": False, "100": True}}
+    found = summary([right, right | {"first": False}, right | {"first_of": {}}])["lengths"]
+    assert [(one["seconds"], one["hits"], one["of"]) for one in found] == [(30.0, 0, 2), (100.0, 2, 2), (150.0, 1, 2)]
+    assert summary([good])["lengths"] == []
+    protocol = {"trials": 2, "seed": 1, "version": "0", "judge": "0" * 64}
+    written = page({"trials": [right], "protocol": protocol, "summary": summary([right])})
+    assert "| 30 s | 0 of 1 = 0.000 (0.000 to 0.793) |" in written
+    assert "| 150 s | 1 of 1 = 1.000 (0.207 to 1.000) |" in written
+    # Nothing was said for another; what was, is told.
+    assert "## One for another\n\nNone." in written
+    other = right | {"planted": ["imu_delay"], "foremost": "sensor_bandwidth"}
+    written = page({"trials": [other], "protocol": protocol, "summary": summary([other])})
+    assert "| imu_delay | sensor_bandwidth | 1 |" in written
+
+
+def test_the_beginning_of_a_recording_has_its_first_frames_and_its_configuration(tmp_path: Path) -> None:
+    whole, there = tmp_path / "whole", tmp_path / "there"
+    whole.mkdir()
+    (whole / "config.yaml").write_text("car: {}\n")
+    lines = [f"({1000.0 + 0.5 * k:.6f}) can0 123#00\n" for k in range(100)]
+    with gzip.open(whole / PACKED, "wt") as file:
+        file.writelines(lines)
+    begin(whole, 20.0, there)
+    with gzip.open(there / PACKED, "rt") as file:
+        assert file.readlines() == lines[:41]
+    assert (there / "config.yaml").read_text() == "car: {}\n"
+    assert sorted(path.name for path in there.iterdir()) == ["config.yaml", PACKED]
+    # What is there is left as it is.
+    begin(whole, 30.0, there)
+    with gzip.open(there / PACKED, "rt") as file:
+        assert len(file.readlines()) == 41
+
+
+def test_beginnings_are_judged_of_the_first_plain_singles() -> None:
+    drawn = trials(3, 600)
+    found = chosen(drawn)
+    assert len(found) == 60
+    assert {(trial.group, trial.size) for trial in found} == {("single", 1.0)}
+    assert found == [trial for trial in drawn if (trial.group, trial.size) == ("single", 1.0)][:60]
+    assert name_of(found[0], 30.0) == f"{found[0].number:05d}-030"
 
 
 def test_a_null_alarms_by_a_name_or_by_its_verdict_and_not_by_a_stiffness_that_is_off(tmp_path: Path) -> None:
