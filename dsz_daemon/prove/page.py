@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dsz_daemon.errors import MachineError
+from dsz_daemon.prove.missed import missed
 from dsz_daemon.prove.mix import AS_PUBLISHED, SECONDS
 from dsz_daemon.prove.third_party_car import BY_CONSTRUCTION
 from dsz_daemon.prove.unlisted import UNLISTED
@@ -47,6 +48,9 @@ with dsz {version} (judge {judge}). Do it again with a seed of your own: the sha
 Sizes: 1 is what `dsz simulate --effect NAME` alone has; 0.3 and 0.1 are so much nearer to nothing. What these would be
 nothing of is drawn at size 1 alone: `sensor_saturation` (no drive gets to the limit) and `cornering_stiffness` (within
 what is configured as its tolerance). Of two that turn a car alike each makes it turn less: a load is in front.
+
+Real recordings are pooled with none of this: faults put into the payloads of one, and what was measured and is hidden
+from the tool, are in [diagnose.md](diagnose.md), as is what the ways of the judge are worth (ablations).
 """
 
 
@@ -119,6 +123,7 @@ def page(result: Mapping[str, Any]) -> str:
     )
     sections = {
         "Results": _results(summary),
+        "Where bars are missed": missed(scores),
         "Against the length of the recording": _lengths(summary),
         "Rivals": _rivals(summary),
         "Failures": _failures(scores),

@@ -41,6 +41,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
     named = [cause["effect"] for cause in causes]
     foremost = _foremost(named, planted, there)
     groups = [cause["group"] for cause in causes if cause["effect"] in foremost]
+    off = _off(causes, planted)
     extra = sorted({name for name in named if name not in allowed})
     return one | {
         "verdict": found["verdict"],
@@ -58,7 +59,8 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "probability": [_probability(name, causes) for name in planted],
         "probability_or_alias": [_with_aliases(name, causes) for name in planted],
         "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],
-        "off": _off(causes, planted),
+        "off": [spreads for _, spreads in off],
+        "off_of": [name for name, _ in off],
         "profile_rad": _profile(named, fitted, read_samples(profiles)),
         "overlap": _overlap(causes, planted),
         "moments_off_s": _moments_off(causes, planted),
@@ -94,7 +96,7 @@ def _foremost(named: Sequence[str], planted: Collection[str], there: Collection[
 
 
 def _silent(planted: Mapping[str, Any]) -> dict[str, Any]:
-    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off", "why")}
+    nothing: dict[str, Any] = {key: [] for key in ("named", "shapes", "extra", "stated", "off", "off_of", "why")}
     nothing |= {"alarm": False, "foremost": "nothing", "sparse": "nothing"}
     nothing |= dict.fromkeys(("first", "first_or_alias", "all_named", "all_or_alias", "unlisted_found"), False)
     nothing |= dict.fromkeys(("profile_rad", "overlap", "moments_off_s", "regained", "boosted", "picture"))
@@ -155,8 +157,8 @@ def _unlisted_found(planted: Sequence[Mapping[str, Any]], said: Sequence[Mapping
     return bool(planted) and all(any(one["channel"] == shape["channel"] for shape in said) for one in planted)
 
 
-def _off(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str, Any]]) -> list[float]:
-    """By how many of their spreads parameters are off."""
+def _off(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, float]]:
+    """By how many of their spreads parameters are off, with their names."""
     off = []
     for cause in causes:
         true = planted.get(cause["effect"], {})
@@ -164,7 +166,7 @@ def _off(causes: Sequence[Mapping[str, Any]], planted: Mapping[str, Mapping[str,
         true = {key.removesuffix("_per_s"): value for key, value in true.items() if key not in HOW}
         for name, one in cause["parameters"].items():
             if name in true and one.get("std") and not isinstance(true[name], str):
-                off.append(float((one["value"] - true[name]) / one["std"]))
+                off.append((f"{cause['effect']}.{name}", float((one["value"] - true[name]) / one["std"])))
     return off
 
 

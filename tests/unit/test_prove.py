@@ -13,6 +13,7 @@ import pytest
 
 from dsz_daemon.edge.samples_file import write_columns
 from dsz_daemon.errors import ConfigError, InputError
+from dsz_daemon.prove.missed import missed
 from dsz_daemon.prove.mix import MILD, OWN, as_truth, trials
 from dsz_daemon.prove.page import is_failure, page, results_lines
 from dsz_daemon.prove.prove import _claim, _sealed_trial, _truth, prove
@@ -383,6 +384,28 @@ def test_a_failure_has_a_reason(tmp_path: Path) -> None:
     assert why([cause("imu_delay"), cause("wheel_slip")]) == [
         "wheel_slip too many: named, and no channel stays more than 3 times off"
     ]
+
+
+def test_where_bars_are_missed_is_told_by_trial(tmp_path: Path) -> None:
+    scale = [{"effect": "gyro_scale", "parameters": {"x": 0.05, "z": 0.02}}]
+    one = answered(tmp_path, [cause("gyro_scale", x=(0.06, 0.004), z=(0.021, 0.01))], scale, number=7)
+    delay = [{"effect": "imu_delay", "parameters": {}}]
+    alias = answered(tmp_path, [cause("sensor_bandwidth", ("imu_delay",), (("imu_delay", 0.3),))], delay, size=0.1)
+    ice = [{"effect": "low_friction", "parameters": {"start_s": 30.0, "end_s": 70.0}}]
+    said = cause("low_friction", start_s=(50.0, None), end_s=(70.0, None))
+    stretch = answered(tmp_path, [said], ice, number=9, group="local", car="own", kind="city")
+    road = one | {"number": 11, "planted": ["road_bank"], "profile_rad": np.radians(0.25), "off": [], "off_of": []}
+    told = missed([one, alias, stretch, road])
+    assert "| singles of size 1 | 2 | 0.900 | 0.900 |" in told
+    assert "| singles of size 0.1 | 1 | 0.270 | 0.900 |" in told
+    assert "| slippery stretches | 1 | 0.900 | 0.900 |" in told
+    assert "| gyro_scale.x | 1 | 1 | +2.5 |" in told
+    assert "gyro_scale.z" not in told
+    assert "| 9 | own, city | low_friction | 0.50 | 20.0 s | 0.0 s |" in told
+    assert "| road_bank | 0.25 deg |" in told
+    # Of a car that shakes itself nothing is told here, and where all is inside nothing is outside.
+    assert missed([one | {"group": "as_published"}]).count("|") == missed([]).count("|")
+    assert "outside" not in missed([road | {"profile_rad": 1e-4}])
 
 
 def test_the_page_tells_failures_first(tmp_path: Path) -> None:
