@@ -122,10 +122,7 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
     n = len(road.bank_rad)
     corrected = []
     for name, profile in (("road_bank", road.bank_rad), ("road_grade", road.grade_rad)):
-        first = INDEX[f"{name}.knot_0"]
-        knots = x[first : first + KNOTS]
-        change = np.interp(np.arange(n), np.linspace(0, n - 1, KNOTS), knots) if knots.any() else 0.0
-        corrected.append(profile + change)
+        corrected.append(profile + correction(x, name, n))
     grip = road.grip + x[INDEX["tyre_saturation.inverse_square"]]
     slippery = x[INDEX["low_friction.inverse_square"]]
     if slippery != 0.0:
@@ -134,6 +131,13 @@ def on_road(road: Profiles, x: Floats) -> Profiles:
         inside = np.clip(place - start + 0.5, 0.0, 1.0) * np.clip(end - place + 0.5, 0.0, 1.0)
         grip = np.maximum(grip, slippery * inside)
     return road._replace(bank_rad=corrected[0], grade_rad=corrected[1], grip=grip)
+
+
+def correction(x: Floats, profile: str, n: int) -> Floats:
+    """What the knots of a road's profile add to it, rad: (n,), or (1,) where that is nothing."""
+    first = INDEX[f"{profile}.knot_0"]
+    knots = x[first : first + KNOTS]
+    return np.interp(np.arange(n), np.linspace(0, n - 1, KNOTS), knots) if knots.any() else np.zeros(1)
 
 
 class Moving(NamedTuple):

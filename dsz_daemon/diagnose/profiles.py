@@ -13,7 +13,7 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import FORM, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
-from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, flat, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, correction, flat, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.rolling import earlier
 
@@ -63,6 +63,7 @@ class Felt:
         level = flat(len(drive.steer))
         self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
         self.is_anew = False
+        self._turned: tuple[bytes, Floats] | None = None
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
             self._first = self.blown(start, effects)._first
@@ -75,7 +76,7 @@ class Felt:
 
     def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = _WIND_ROUNDS) -> Felt:
         """The same road, as it is corrected in `x`, and the wind that is felt on it."""
-        found, soft = copy(self), by_the_lean(x)
+        found, soft = self._copied(), by_the_lean(x)
         found.is_anew = False
         found._start, found._effects, found.profiles = x.copy(), effects, self.profiles | {_WIND}
         found._start[: len(OFFSETS)] = self._start[: len(OFFSETS)]
@@ -93,7 +94,7 @@ class Felt:
         """
         if self.is_anew or _WIND not in self.profiles or by_the_lean(self._start):
             return None
-        found = copy(self)
+        found = self._copied()
         found.is_anew = True
         return found
 
@@ -103,6 +104,8 @@ class Felt:
             return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
+        if effect in _TILTS:
+            return self._is_tilted_twice
         return self.is_tilted and effect in _TURN_THE_GYROS
 
     def leaning(self, x: Floats, moving: Moving, base: Floats) -> Felt:
@@ -114,7 +117,7 @@ class Felt:
         """
         if x[_LEANS] == 0.0 or (_WIND in self._effects and by_the_lean(self._start)):
             return self
-        found = copy(self)
+        found = self._copied()
         found._left_mps2, found._lean_share = _left_over(self._drive, base)
         found._tyres_mps2 = np.clip(np.nan_to_num(moving.moved[:, motion.LEANS]), -_MOST_MPS2, _MOST_MPS2)
         return found
@@ -127,7 +130,34 @@ class Felt:
         for name in _TILTS:
             first = INDEX[f"{name}.knot_0"]
             alone[first : first + KNOTS] = 0.0
-        return _with_tilt(self._drive, alone, road, *(name in self._effects for name in _TILTS))
+        turning = self._turning(road, alone)
+        bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
+        corrections = (bank_rad, -grade_rad) if self._is_tilted_twice else (np.zeros(1), np.zeros(1))
+        return _with_tilt(alone, road, turning, corrections, *(name in self._effects for name in _TILTS))
+
+    @property
+    def _is_tilted_twice(self) -> bool:
+        """Whether the road banks and climbs: in a bend the one becomes the other, and so does an error of it."""
+        return set(_TILTS) <= set(self._effects)
+
+    def _turning(self, road: Profiles, alone: Floats) -> Floats:
+        """What turns the car, rad/s (n, 3): what the roll and pitch gyros have left over on a level road, and its yaw.
+
+        Kept for the next call, which may differ in corrections only.
+        """
+        key = alone.tobytes()
+        if self._turned is None or self._turned[0] != key:
+            level = flat(len(self._drive.steer))
+            level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
+            left = np.nan_to_num(self._drive.measured[:, :2] - predicted(self._drive, alone, level)[:, :2])
+            yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]])
+            self._turned = key, np.column_stack([left, yaw])
+        return self._turned[1]
+
+    def _copied(self) -> Felt:
+        found = copy(self)
+        found._turned = None
+        return found
 
 
 def _in_time(told: Floats, x: Floats) -> Floats:
@@ -137,13 +167,19 @@ def _in_time(told: Floats, x: Floats) -> Floats:
     return earlier(there, float(x[_LATE["imu_delay"]]))
 
 
-def _with_tilt(drive: Drive, x: Floats, road: Profiles, banks: bool, climbs: bool) -> Profiles:
-    """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down."""
-    level = flat(len(drive.steer))._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
-    left = np.nan_to_num(drive.measured[:, :2] - predicted(drive, x, level)[:, :2])
-    yaw = np.nan_to_num(drive.measured[:, 2] - x[INDEX["offset_gyro_z"]])
-    tilts = _integrated(left[:, 0], left[:, 1], yaw, banks, climbs)
-    bank, slope = (_in_time(tilt, x) / lean for tilt, lean in zip(tilts, _leans_too(x, road.lean_share), strict=True))
+def _with_tilt(
+    x: Floats, road: Profiles, turning: Floats, corrections: tuple[Floats, Floats], banks: bool, climbs: bool
+) -> Profiles:
+    """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down.
+
+    `turning`: p, q, r (n, 3). `corrections` (n,) or (1,), rad, are what knots add to bank and slope after this: so much
+    more turns into the other angle.
+    """
+    leans, n = _leans_too(x, road.lean_share), len(turning)
+    more = [np.broadcast_to(lean * added, n) for lean, added in zip(leans, corrections, strict=True)]
+    p, q, yaw = (np.ascontiguousarray(turning[:, i]) for i in range(3))
+    tilts = _integrated(p, q, yaw, np.ascontiguousarray(more[0]), np.ascontiguousarray(more[1]), banks, climbs)
+    bank, slope = (_in_time(tilt, x) / lean for tilt, lean in zip(tilts, leans, strict=True))
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
 
 
@@ -244,11 +280,15 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) 
 
 
 @compiled
-def _integrated(p: Floats, q: Floats, r: Floats, banks: bool, climbs: bool) -> tuple[Floats, Floats]:
+def _integrated(
+    p: Floats, q: Floats, r: Floats, more_bank: Floats, more_slope: Floats, banks: bool, climbs: bool
+) -> tuple[Floats, Floats]:
     bank, slope = np.zeros(len(p)), np.zeros(len(p))
     for i in range(1, len(p)):
         if banks:
-            bank[i] = bank[i - 1] + DT_S * (0.5 * (p[i] + p[i - 1]) + r[i] * slope[i - 1])
+            leans = slope[i - 1] + more_slope[i - 1]
+            bank[i] = bank[i - 1] + DT_S * (0.5 * (p[i] + p[i - 1]) + r[i] * leans)
         if climbs:
-            slope[i] = slope[i - 1] + DT_S * (0.5 * (q[i] + q[i - 1]) - r[i] * bank[i - 1])
+            leans = bank[i - 1] + more_bank[i - 1]
+            slope[i] = slope[i - 1] + DT_S * (0.5 * (q[i] + q[i - 1]) - r[i] * leans)
     return bank, slope
