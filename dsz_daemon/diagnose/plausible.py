@@ -28,14 +28,17 @@ _TOLD = 2.0
 _OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
-_LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
+# Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
+# metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
+_TO_AN_AXLE = 0.6
+_LEANS, _AHEAD = INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["side_wind.ahead_m"]
 
 
 def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether an effect is what it can't be, or a told parameter at the end of what is plausible: something else is."""
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
-    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit)):
+    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit) or _pushes_an_axle(drive, fit)):
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -95,6 +98,12 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
 def _pushes_at_the_road(fit: Fit) -> bool:
     """Whether a soft body leans to the wind as to its tyres: a wind pushes the body, not the road."""
     return bool(fit.x[_LEANS] > SOFT) and not by_the_lean(fit.x)
+
+
+def _pushes_an_axle(drive: Drive, fit: Fit) -> bool:
+    """Whether a wind pushes at an axle or beyond: its wheels are steered otherwise than it is told."""
+    ahead_m, car = float(fit.x[_AHEAD]), drive.car
+    return not -_TO_AN_AXLE * car.cg_to_rear_axle_m < ahead_m < _TO_AN_AXLE * car.cg_to_front_axle_m
 
 
 def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:

@@ -191,8 +191,21 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     cause = answer._cause(search, "gyro_scale")
     assert (cause is not None) is is_named
     if cause is not None:
-        # Of two causes that gain 30, one is true; of many that gain 300, ten in eleven.
-        assert cause.probability == pytest.approx(0.5 if gain == 30.0 else 10.0 / 11.0)
+        # Of four causes that gain 30, three are true; of many that gain 300, all but one in 31.
+        assert cause.probability == pytest.approx(0.75 if gain == 30.0 else 30.0 / 31.0)
+
+
+@pytest.mark.parametrize(("rms_n", "is_named"), [(20.0, False), (30.0, True)])
+def test_a_breath_of_air_is_no_wind(monkeypatch: pytest.MonkeyPatch, rms_n: float, is_named: bool) -> None:
+    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_n": (rms_n, None)})
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}}
+    )
+    cause = answer._cause(search, "side_wind")
+    assert (cause is not None) is is_named
 
 
 def radii_of(radii: list[float], covariance: np.ndarray) -> Any:

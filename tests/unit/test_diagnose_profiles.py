@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import motion
@@ -55,6 +56,14 @@ def test_wind_pushes_the_body_and_not_the_road(gradient: float, leans: float, to
     fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
     fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], fit.x[INDEX["side_wind.leans"]] = gradient, leans
     assert is_implausible(one, rows_of(one), fit, "side_wind") == too_low
+
+
+@pytest.mark.parametrize(("share", "is_steered"), [(0.5, False), (0.7, True), (-0.5, False), (-0.7, True)])
+def test_what_pushes_an_axle_is_no_wind(share: float, is_steered: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
+    fit.x[INDEX["side_wind.ahead_m"]] = share * (TUCSON.cg_to_front_axle_m if share > 0 else TUCSON.cg_to_rear_axle_m)
+    assert is_implausible(one, rows_of(one), fit, "side_wind") == is_steered
 
 
 def leaning_drive(gusts_n: np.ndarray, **late_s: float) -> tuple[Drive, np.ndarray]:
