@@ -145,7 +145,7 @@ class Felt:
 
         Kept for the next call, which may differ in corrections only.
         """
-        key = alone.tobytes()
+        key = b"".join(each.tobytes() for each in (alone, road.side_n, road.lean_mps2, np.array(road.lean_share)))
         if self._turned is None or self._turned[0] != key:
             level = flat(len(self._drive.steer))
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)

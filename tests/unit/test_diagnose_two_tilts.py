@@ -105,6 +105,22 @@ def test_what_was_felt_for_some_parameters_is_not_taken_for_others() -> None:
     assert np.max(np.abs(leaning(x).bank_rad - level.bank_rad)) > 1e-3
 
 
+@pytest.mark.parametrize("part", ["side_n", "lean_mps2", "lean_share"])
+def test_the_same_parameters_in_another_air_are_felt_as_another_road(part: str) -> None:
+    """A wind that leans a soft body turns the gyro, and what of a bank is told twice depends on the share."""
+    one, *_ = inclined(0.0)
+    x = nothing()
+    x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], x[INDEX["side_wind.leans"]] = 0.003, 1.0
+    felt = Felt(one, x, (*BOTH, "suspension_roll", "side_wind"))
+    calm, blows = felt(x), np.sin(2.0 * np.pi * T / 7.0)
+    pushed = {"side_n": 3000.0 * blows, "lean_mps2": blows, "lean_share": 1.0}[part]
+    road = felt._first._replace(**{part: pushed})
+    fresh = Felt(one, x, (*BOTH, "suspension_roll", "side_wind"))
+    fresh._turned = None
+    same(felt._tilted(road, x), fresh._tilted(road, x))
+    assert np.max(np.abs(felt._tilted(road, x).bank_rad - calm.bank_rad)) > 1e-3
+
+
 def same(one: Profiles, other: Profiles) -> None:
     np.testing.assert_array_equal(one.bank_rad, other.bank_rad)
     np.testing.assert_array_equal(one.grade_rad, other.grade_rad)
