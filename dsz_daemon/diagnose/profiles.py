@@ -76,7 +76,7 @@ class Felt:
 
     def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = _WIND_ROUNDS) -> Felt:
         """The same road, as it is corrected in `x`, and the wind that is felt on it."""
-        found, soft = self._copied(), by_the_lean(x)
+        found, soft = copy(self), by_the_lean(x)
         found.is_anew = False
         found._start, found._effects, found.profiles = x.copy(), effects, self.profiles | {_WIND}
         found._start[: len(OFFSETS)] = self._start[: len(OFFSETS)]
@@ -94,7 +94,7 @@ class Felt:
         """
         if self.is_anew or _WIND not in self.profiles or by_the_lean(self._start):
             return None
-        found = self._copied()
+        found = copy(self)
         found.is_anew = True
         return found
 
@@ -117,7 +117,7 @@ class Felt:
         """
         if x[_LEANS] == 0.0 or (_WIND in self._effects and by_the_lean(self._start)):
             return self
-        found = self._copied()
+        found = copy(self)
         found._left_mps2, found._lean_share = _left_over(self._drive, base)
         found._tyres_mps2 = np.clip(np.nan_to_num(moving.moved[:, motion.LEANS]), -_MOST_MPS2, _MOST_MPS2)
         return found
@@ -143,7 +143,7 @@ class Felt:
     def _turning(self, road: Profiles, alone: Floats) -> Floats:
         """What turns the car, rad/s (n, 3): what the roll and pitch gyros have left over on a level road, and its yaw.
 
-        Kept for the next call, which may differ in corrections only.
+        Kept for the next call, of this or a copy, which may differ in corrections only.
         """
         key = b"".join(each.tobytes() for each in (alone, road.side_n, road.lean_mps2, np.array(road.lean_share)))
         if self._turned is None or self._turned[0] != key:
@@ -153,11 +153,6 @@ class Felt:
             yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]])
             self._turned = key, np.column_stack([left, yaw])
         return self._turned[1]
-
-    def _copied(self) -> Felt:
-        found = copy(self)
-        found._turned = None
-        return found
 
 
 def _in_time(told: Floats, x: Floats) -> Floats:
