@@ -143,7 +143,11 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     rows = np.zeros((len(v_mps), 12))
     by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    roll, roll_rate, pitch, pitch_rate = 0.0, 0.0, 0.0, 0.0
+    # The body has come to rest on its springs when a recording begins.
+    held_mps2 = G * math.sin(bank_rad[0]) - car.wind_leans * side_n[0] / car.mass_kg
+    roll = car.roll_gradient * ((1.0 - lean_share) * held_mps2 + lean_mps2[0])
+    pitch = -car.pitch_gradient * (v_rate[0] + G * math.sin(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
+    roll_rate, pitch_rate = 0.0, 0.0
     front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
     held = steer_rad[0]
     half = 0.5 * car.backlash_rad

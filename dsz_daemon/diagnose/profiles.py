@@ -132,8 +132,7 @@ class Felt:
             alone[first : first + KNOTS] = 0.0
         turning = self._turning(road, alone)
         bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
-        corrections = (bank_rad, -grade_rad) if self._is_tilted_twice else (np.zeros(1), np.zeros(1))
-        return _with_tilt(alone, road, turning, corrections, *(name in self._effects for name in _TILTS))
+        return _with_tilt(alone, road, turning, (bank_rad, -grade_rad), *(name in self._effects for name in _TILTS))
 
     @property
     def _is_tilted_twice(self) -> bool:

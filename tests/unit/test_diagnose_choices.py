@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
+from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
@@ -251,6 +252,24 @@ def test_the_share_of_the_limit_is_of_what_drive_and_brakes_leave() -> None:
     pulled = moving.rolling.front_free[search.rows.at] < 0.6
     assert pulled.any()
     assert 0.8 < np.abs(share[pulled]).max() < 1.0
+
+
+@pytest.mark.parametrize("by_s", [-9.0, 0.0, 4.0])
+def test_where_nothing_tells_a_stretch_ends_in_the_middle(by_s: float) -> None:
+    """Straight ahead from 14 to 26 s and from 36 to 48 s: begin and end may be anywhere in these."""
+    ice = {"low_friction.inverse_square": 0.3**-2, "low_friction.start_s": 20.0, "low_friction.end_s": 42.0}
+    steer = np.where((T > 14.0) & (T < 26.0) | (T > 36.0) & (T < 48.0), 0.0, CITY_STEER)
+    one = drive(ice, CITY_V, steer)
+    rows, x = rows_of(one), nothing()
+    for name, value in ice.items():
+        x[INDEX[name]] = value
+    fit = fitted(one, rows, x, ("low_friction",), TOLERANCE)
+    moments = moments_of(one)
+    fit.x[moments] += by_s
+    moved = fit._replace(left=residual(rows, predicted(one, fit.x, fit.road)))
+    begin_s, end_s = with_best_moments(one, rows, moved)[moments]
+    assert begin_s == pytest.approx(20.0, abs=1.2)
+    assert end_s == pytest.approx(42.0, abs=1.2)
 
 
 def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.prediction import Drive, Profiles, driven, flat, nothin
 from dsz_daemon.diagnose.profiles import Felt
 
 BOTH = ("road_bank", "road_grade")
-INCLINE_RAD = 0.05
+INCLINE_RAD, G = 0.05, 9.80665
 
 
 def knots(profile: str) -> list[int]:
@@ -25,8 +25,8 @@ def heading_rad(one: Drive) -> np.ndarray:
     return np.asarray(np.cumsum(driven(one, nothing(), flat(N)).moved[:, 1]) * (T[1] - T[0]))
 
 
-def inclined(degrees: float) -> tuple[Drive, np.ndarray, np.ndarray]:
-    """A car that goes round on a plane which climbs that way, seen from where it began; bank and grade there."""
+def inclined(degrees: float, springs: np.ndarray | None = None) -> tuple[Drive, np.ndarray, np.ndarray]:
+    """A car, its body on such springs, goes round on a plane that climbs that way from where it began; its tilts."""
     steer = 0.03 + 0.5 * CITY_STEER
     level = drive({}, CITY_V, steer)
     ahead = heading_rad(level) - np.radians(degrees)
@@ -34,7 +34,8 @@ def inclined(degrees: float) -> tuple[Drive, np.ndarray, np.ndarray]:
     bank_rad, grade_rad = -INCLINE_RAD * np.sin(ahead), INCLINE_RAD * np.cos(ahead)
     noise = level.measured - predicted(level, nothing(), flat(N))
     road = flat(N)._replace(bank_rad=bank_rad, grade_rad=grade_rad)
-    return level._replace(measured=predicted(level, nothing(), road) + noise), bank_rad, grade_rad
+    x = nothing() if springs is None else springs
+    return level._replace(measured=predicted(level, x, road) + noise), bank_rad, grade_rad
 
 
 @pytest.mark.parametrize("degrees", [0.0, 90.0])
@@ -45,6 +46,18 @@ def test_on_a_plane_gyros_feel_no_tilt_and_what_it_was_at_first_turns_with_the_c
     road = on_road(Felt(one, x, BOTH)(x), x)
     assert np.std(road.bank_rad - bank_rad) < 0.1 * INCLINE_RAD
     assert np.std(road.grade_rad - grade_rad) < 0.1 * INCLINE_RAD
+
+
+@pytest.mark.parametrize("degrees", [0.0, 45.0, 90.0])
+def test_a_body_on_springs_turns_further_with_what_the_plane_was_at_first(degrees: float) -> None:
+    """It squats by 20 % more than the plane climbs: so much more is turned into a bank."""
+    x = nothing()
+    x[INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]] = 0.2 / G
+    one, bank_rad, grade_rad = inclined(degrees, x)
+    x[knots("road_bank")], x[knots("road_grade")] = bank_rad[0], grade_rad[0]
+    road = on_road(Felt(one, x, (*BOTH, "suspension_pitch"))(x), x)
+    assert np.std(road.bank_rad - bank_rad) < 0.06 * INCLINE_RAD
+    assert np.std(road.grade_rad - grade_rad) < 0.06 * INCLINE_RAD
 
 
 @pytest.mark.parametrize("first", ["road_bank", "road_grade"])
