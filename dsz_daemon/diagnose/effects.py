@@ -209,6 +209,8 @@ EFFECTS: tuple[Effect, ...] = (
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
             # Of what tyres that roll, and the air, take of a usual car.
             Parameter("resistance", "1", 0.5, 0.0, 2.0, math.inf),
+            # Wheels that nothing drives, as the road spins them up: inertia over radius^2, of the car's mass.
+            Parameter("spun_share", "1", 0.01, 0.0, 0.035, math.inf),
         ),
     ),
     Effect(

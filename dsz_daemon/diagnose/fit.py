@@ -163,10 +163,11 @@ def fitted(
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # Wheels slip against a road that climbs all the way as against what slows a car.
     held = {_RESISTANCE} if "road_grade" in effects else set()
-    # A guessed effect's parameter that nothing was guessed of is not there.
+    # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
+    there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS} - held
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if i not in held and (e not in GUESSED or start[i] != 0.0)),
+        *(i for e in effects for i in words.columns_of(e) if i in there or (e not in GUESSED and i not in held)),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()

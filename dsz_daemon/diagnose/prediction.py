@@ -37,6 +37,7 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s"}
 )
+_SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share")
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -242,7 +243,7 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     squares = _squares(x)
     wheels = drive.wheels - squares * drive.wheels**2 if squares.any() else drive.wheels
     rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
-    slip = Slip(at("wheel_slip.slip_per_force"), at("wheel_slip.front_brakes_more"), at("wheel_slip.resistance"))
+    slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
     return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad)
 

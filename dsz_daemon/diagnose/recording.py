@@ -153,7 +153,11 @@ def _floor(signal: Signal | None, kernel: Floats) -> float:
     if signal is None or len(signal.t_ns) < 10:
         return math.nan
     period_s = float(np.median(np.diff(signal.t_ns))) * 1e-9
-    return white_std(signal.values) * math.sqrt(float(np.sum(kernel**2)) * max(period_s / DT_S, 1.0))
+    std = white_std(signal.values)
+    if not np.diff(signal.values).all():
+        # Values that stand still between two steps show no noise, and are rounded all the same.
+        std = max(std, _step(signal) / math.sqrt(12.0))
+    return std * math.sqrt(float(np.sum(kernel**2)) * max(period_s / DT_S, 1.0))
 
 
 def _top(channel: int, signal: Signal | None, first_ns: int) -> FlatTop | None:

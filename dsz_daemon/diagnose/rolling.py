@@ -17,8 +17,6 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 G = STANDARD_GRAVITY_MPS2
 _PULL_KERNEL = filter_kernel(0.07)
-# Slip takes a share of what the wheels roll, and follows from what is left.
-_SLIP_ROUNDS = 2
 # Of an axle's side force, however it is driven or braked.
 _LEAST_FREE = 0.05
 # What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
@@ -43,11 +41,15 @@ class Rolling(NamedTuple):
 
 
 class Slip(NamedTuple):
-    """Slip over the force along (over load), how much more the front brakes, resistance in parts of the usual one."""
+    """Slip over the force along (over load), how much more the front brakes, resistance in parts of the usual one.
+
+    `spun_share`: of the car's mass, what wheels that nothing drives are as they are spun up by the road.
+    """
 
     per_force: float
     front_brakes_more: float
     resistance: float
+    spun_share: float
 
 
 class _Shares(NamedTuple):
@@ -73,17 +75,19 @@ def rolling(
 
     `ellipse` (n,): 1/friction^2, of which drive and brakes take their part.
     """
-    v, shares = rolled_mps, _shares(car, slip.front_brakes_more)
+    v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share)
     if by_front:
         v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps)
-    front_slip = rear_slip = np.zeros(len(v))
+    front_slip, rear_slip, before = np.zeros(len(v)), np.zeros(len(v)), v
     if slip.per_force != 0.0:
-        # A speed that is differentiated for its slip is differentiated again for its acceleration: less noise first.
-        rolls = v
-        for _ in range(_SLIP_ROUNDS):
-            pull_mps2 = filtered(rate_of(v, DT_S), _PULL_KERNEL)
-            front_slip, rear_slip, v = _slipped(rolls, v, pull_mps2, grade_rad, slip, shares, by_front)
-    front_mps = rolled_mps / (1.0 + front_slip) if by_front else np.zeros(0)
+        against_mps2 = G * grade_rad + slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v * v)
+        driven, braked = _per_pull(slip, shares, by_front)
+        v = _unslipped(v, against_mps2, max(driven, 0.0), braked, DT_S)
+        if driven < 0.0:
+            v = v * (1.0 - driven * np.maximum(rate_of(v, DT_S) + against_mps2, 0.0))
+        front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.per_force, shares)
+    kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
+    front_mps = rolled_mps * kept if by_front else np.zeros(0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
     return Rolling(steer_rad, v, rate_of(v, DT_S), front_mps, front_slip, rear_slip, *free)
 
@@ -112,10 +116,12 @@ def rate_of(values: Floats, dt_s: float) -> Floats:
     return found
 
 
-def _shares(car: Car, front_brakes_more: float) -> _Shares:
+def _shares(car: Car, front_brakes_more: float, spun_share: float = 0.0) -> _Shares:
     wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
     load = car.cg_to_rear_axle_m / wheelbase_m
-    drive = load if car.front_driven and car.rear_driven else 1.0 if car.front_driven else 0.0
+    # What spins up the wheels of one axle is a force against the car there, and more to drive on the other.
+    one = 1.0 + spun_share if car.front_driven else -spun_share
+    drive = load if car.front_driven and car.rear_driven else one
     return _Shares(drive, load * (1.0 + front_brakes_more), load)
 
 
@@ -131,18 +137,39 @@ def _uses(pull_mps2: float, shares: _Shares) -> tuple[float, float]:
     return front, rear
 
 
+def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float]:
+    """What the axle that gives the speed slips over what pulls the car, m/s^2, when driven and when braked."""
+    (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, shares), _uses(-1.0, shares)
+    driven, braked = (front_driven, front_braked) if by_front else (rear_driven, rear_braked)
+    return slip.per_force * driven, -slip.per_force * braked
+
+
 @compiled
-def _slipped(
-    rolls_mps: Floats, v_mps: Floats, pull_mps2: Floats, grade_rad: Floats, slip: Slip, shares: _Shares, by_front: bool
-) -> tuple[Floats, Floats, Floats]:
-    """Both axles' slip (n,) at a speed and its rate, and the speed of a car whose wheels roll this fast with it."""
-    front, rear, slower = np.empty(len(v_mps)), np.empty(len(v_mps)), np.empty(len(v_mps))
-    for i in range(len(v_mps)):
-        against_mps2 = slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v_mps[i] * v_mps[i])
-        front_use, rear_use = _uses(pull_mps2[i] + G * grade_rad[i] + against_mps2, shares)
-        front[i], rear[i] = slip.per_force * front_use, slip.per_force * rear_use
-        slower[i] = rolls_mps[i] / (1.0 + (front[i] if by_front else rear[i]))
-    return front, rear, slower
+def _unslipped(rolls_mps: Floats, against_mps2: Floats, driven: float, braked: float, dt_s: float) -> Floats:
+    """The speed (n,) of a car whose wheels roll this fast (n,), as they slip by so much over what pulls the car.
+
+    They roll v (1 + k (v' + against)), which is ahead of the speed by k v: it lags behind them. Wheels that roll faster
+    than a car left alone are driven, others braked. Exact for wheels that speed up evenly from row to row.
+    """
+    v = rolls_mps.copy()
+    for i in range(1, len(v)):
+        alone_mps = v[i - 1] - against_mps2[i] * dt_s
+        after_s = (driven if rolls_mps[i] > alone_mps else braked) * rolls_mps[i]
+        behind_mps = after_s * ((rolls_mps[i] - rolls_mps[i - 1]) / dt_s + against_mps2[i])
+        v[i] = rolls_mps[i] - behind_mps
+        if after_s > 0.0:
+            v[i] += (v[i - 1] - rolls_mps[i - 1] + behind_mps) * math.exp(-dt_s / after_s)
+    return v
+
+
+@compiled
+def _slips(pull_mps2: Floats, per_force: float, shares: _Shares) -> tuple[Floats, Floats]:
+    """Both axles' slip (n,) at what pulls the car (n,)."""
+    front, rear = np.empty(len(pull_mps2)), np.empty(len(pull_mps2))
+    for i in range(len(pull_mps2)):
+        front_use, rear_use = _uses(pull_mps2[i], shares)
+        front[i], rear[i] = per_force * front_use, per_force * rear_use
+    return front, rear
 
 
 @compiled

@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
-from dsz_daemon.diagnose.fit import Slopes, exactly, fitted
+from dsz_daemon.diagnose.fit import Slopes, exactly, fitted, values_of
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
@@ -281,6 +281,17 @@ def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
     # From 20 s on the car bends by less than 0.8 m/s2, of which even ice takes nothing, until 21.5 s.
     assert 19.5 < best["low_friction.start_s"] < 21.5
     assert best["low_friction.end_s"] == pytest.approx(40.0, abs=0.5)
+
+
+def test_a_stretch_may_begin_with_the_recording() -> None:
+    """Where it begins is a number, though it is 0 at first."""
+    ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 40.0}
+    one = drive(ice, CITY_V, CITY_STEER)
+    rows, x = rows_of(one), nothing()
+    for name, value in ice.items():
+        x[INDEX[name]] = value
+    fit = fitted(one, rows, x, ("low_friction",), TOLERANCE)
+    assert set(values_of(one, fit, "low_friction")) >= {"start_s", "end_s"}
 
 
 def test_a_stretch_is_located_to_the_second() -> None:
