@@ -205,11 +205,9 @@ EFFECTS: tuple[Effect, ...] = (
         WHEELS,
         (
             Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.004),
-            # Against brakes that work by static load.
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
             # Of what tyres that roll, and the air, take of a usual car.
             Parameter("resistance", "1", 0.5, 0.0, 2.0, math.inf),
-            # Wheels that nothing drives, as the road spins them up: inertia over radius^2, of the car's mass.
             Parameter("spun_share", "1", 0.01, 0.0, 0.035, math.inf),
         ),
     ),
@@ -349,13 +347,14 @@ TOLERATED = (
     *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
-# Cars are drawn with or without: a pull along steered wheels, wheels steered alike, load on tyres, inputs held for ms.
+# Cars are drawn with or without: a pull along steered wheels, wheels alike, load on tyres, held inputs, a pull aside.
 FORM = (
     Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
-    Parameter("steering_skew_s", "s", 0.002, -0.003, 0.003, math.inf),
-    Parameter("hasty_s", "s", 0.002, -0.005, 0.005, math.inf),
+    *_even("steering_skew_s", "s", 0.002, 0.003, math.inf),
+    *_even("hasty_s", "s", 0.002, 0.005, math.inf),
+    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 6e-4, math.inf),
 )
 
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, residual
+from dsz_daemon.diagnose.comparison import Each, Rows, residual
 from dsz_daemon.diagnose.descent import loss_of
-from dsz_daemon.diagnose.fit import MOMENTS, Fit
+from dsz_daemon.diagnose.fit import MOMENTS, Fit, exactly
 from dsz_daemon.diagnose.prediction import Drive, Floats, predicted
 from dsz_daemon.diagnose.recording import DT_S
 
 # Log likelihood by which a moment has to be worse than the best to be none: rows that hang together count as one.
-_AS_GOOD, _STEP_S = 2.0, 1.0
+_AS_GOOD, _STEP_S = 2.0, 2.0
 
 
 def moments_of(drive: Drive) -> list[int]:
@@ -26,15 +26,12 @@ def moments_of(drive: Drive) -> list[int]:
 def with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
     """The parameters with the moments in which a stretch begins and ends moved to where least is left.
 
-    Where little tells (the car goes straight), each is in the middle of where it may as well be.
+    Where nothing tells (the car goes straight), the shortest stretch is taken.
     """
     x, least = fit.x.copy(), loss_of(fit.left, rows, fit.scatter)
-
-    def left_by(trial: Floats) -> float:
-        return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
-
+    left_by = partial(_left_by, drive, rows, fit)
     moments = moments_of(drive)
-    last_s, as_good = float(len(drive.steer) * DT_S), _AS_GOOD * float(np.max(fit.per_row))
+    last_s = float(len(drive.steer) * DT_S)
     for by_s in (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 8.0, 4.0, 2.0, 1.0, 0.5):
         for i in moments:
             for sign in (-1.0, 1.0):
@@ -43,11 +40,36 @@ def with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
                 loss = left_by(trial)
                 if loss < least:
                     x, least = trial, loss
-    found = x.copy()
-    for i in moments:
-        is_as_good = partial(_is_less, least + as_good, left_by, x, i)
-        found[i] = 0.5 * sum(_as_far_as(is_as_good, float(x[i]), to_s) for to_s in (0.0, last_s))
-    return found if left_by(found) < least + 2.0 * as_good else x
+    for i, inwards in zip(moments, (1.0, -1.0), strict=True):
+        for by_s in (4.0, 2.0, 1.0, 0.5, 0.2):
+            trial = x.copy()
+            trial[i] += inwards * by_s
+            if trial[moments[0]] < trial[moments[1]] and left_by(trial) < least + 0.5:
+                x = trial
+    return x
+
+
+def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
+    """The fit with each end of its slippery stretch, if it has one, in the middle of where it may as well be.
+
+    Once, of what is to be told: along a straight that is many simulations.
+    """
+    if "low_friction" not in fit.effects:
+        return fit
+    left_by = partial(_left_by, drive, rows, fit)
+    least, as_good = loss_of(fit.left, rows, fit.scatter), _AS_GOOD * float(np.max(fit.per_row))
+    x, last_s = fit.x.copy(), float(len(drive.steer) * DT_S)
+    for i in moments_of(drive):
+        is_as_good = partial(_is_less, least + as_good, left_by, fit.x, i)
+        x[i] = 0.5 * sum(_as_far_as(is_as_good, float(fit.x[i]), to_s) for to_s in (0.0, last_s))
+    if left_by(x) > least + 2.0 * as_good:
+        return fit
+    left = residual(rows, predicted(drive, x, fit.road))
+    return exactly(drive, rows, fit._replace(x=x, left=left), tolerance, each)
+
+
+def _left_by(drive: Drive, rows: Rows, fit: Fit, trial: Floats) -> float:
+    return loss_of(residual(rows, predicted(drive, trial, fit.road)), rows, fit.scatter)
 
 
 def _is_less(most: float, left_by: Callable[[Floats], float], x: Floats, i: int, moment_s: float) -> bool:
@@ -57,9 +79,10 @@ def _is_less(most: float, left_by: Callable[[Floats], float], x: Floats, i: int,
 
 
 def _as_far_as(is_as_good: Callable[[float], bool], from_s: float, to_s: float) -> float:
-    """The last moment on the way, in steps, up to which all are as good."""
-    step_s = math.copysign(_STEP_S, to_s - from_s)
+    """The last moment on the way, in steps, then in half of one, up to which all are as good."""
     found_s = from_s
-    while abs(to_s - found_s) >= _STEP_S and is_as_good(found_s + step_s):
-        found_s += step_s
+    for by_s in (_STEP_S, 0.5 * _STEP_S):
+        step_s = math.copysign(by_s, to_s - from_s)
+        while abs(to_s - found_s) >= by_s and is_as_good(found_s + step_s):
+            found_s += step_s
     return found_s

@@ -35,7 +35,7 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s"}
+    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "drive_steer", "brake_steer"}
 )
 _SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share")
 _AT_LIMIT = 1.05
@@ -245,7 +245,8 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
     slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
-    return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad)
+    aside = at("drive_steer"), at("brake_steer")
+    return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad, aside)
 
 
 def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:

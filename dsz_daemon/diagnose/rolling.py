@@ -69,11 +69,19 @@ def earlier(values: Floats, by_s: float) -> Floats:
 
 
 def rolling(
-    car: Car, steer_rad: Floats, rolled_mps: Floats, by_front: bool, slip: Slip, ellipse: Floats, grade_rad: Floats
+    car: Car,
+    steer_rad: Floats,
+    rolled_mps: Floats,
+    by_front: bool,
+    slip: Slip,
+    ellipse: Floats,
+    grade_rad: Floats,
+    aside: tuple[float, float] = (0.0, 0.0),
 ) -> Rolling:
     """Of what the axle that gives the speed rolls, along its wheels (n,); that is the front one if `by_front`.
 
-    `ellipse` (n,): 1/friction^2, of which drive and brakes take their part.
+    `ellipse` (n,): 1/friction^2, of which drive and brakes take their part. `aside`: by how much the front wheels seem
+    turned over the speed's rate, as the car is driven and as it is braked, rad/(m/s^2).
     """
     v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share)
     if by_front:
@@ -89,7 +97,9 @@ def rolling(
     kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
     front_mps = rolled_mps * kept if by_front else np.zeros(0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
-    return Rolling(steer_rad, v, rate_of(v, DT_S), front_mps, front_slip, rear_slip, *free)
+    rate = rate_of(v, DT_S)
+    steer_rad = steer_rad + np.where(rate > 0.0, aside[0], aside[1]) * rate
+    return Rolling(steer_rad, v, rate, front_mps, front_slip, rear_slip, *free)
 
 
 def free_of(

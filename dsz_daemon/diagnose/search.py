@@ -19,7 +19,7 @@ from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, TOLERATED, vocabula
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
-from dsz_daemon.diagnose.moments import moments_of, with_best_moments
+from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import Screening, screened
@@ -154,9 +154,9 @@ def searched(
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """Without trifles, and what was found of them."""
     best = _without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
-    rivals = {effect: found.rivals[effect] for effect in best.effects}
+    best = in_the_middle(found.drive, found.rows, best, tolerance, each)
     shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
-    return found._replace(best=best, rivals=rivals, shapes=shapes)
+    return found._replace(best=best, rivals={effect: found.rivals[effect] for effect in best.effects}, shapes=shapes)
 
 
 def _with_wind_anew(trial: _Trial, each: Each) -> Fit | None:

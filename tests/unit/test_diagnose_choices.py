@@ -23,7 +23,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
-from dsz_daemon.diagnose.moments import moments_of, with_best_moments
+from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
@@ -267,7 +267,9 @@ def test_where_nothing_tells_a_stretch_ends_in_the_middle(by_s: float) -> None:
     moments = moments_of(one)
     fit.x[moments] += by_s
     moved = fit._replace(left=residual(rows, predicted(one, fit.x, fit.road)))
-    begin_s, end_s = with_best_moments(one, rows, moved)[moments]
+    best = with_best_moments(one, rows, moved)
+    settled = moved._replace(x=best, left=residual(rows, predicted(one, best, fit.road)))
+    begin_s, end_s = in_the_middle(one, rows, settled, TOLERANCE).x[moments]
     assert begin_s == pytest.approx(20.0, abs=1.2)
     assert end_s == pytest.approx(42.0, abs=1.2)
 
@@ -527,7 +529,7 @@ def test_what_other_manoeuvres_deny_is_not_named() -> None:
 
 
 def test_slopes_that_are_known_need_not_be_taken_again() -> None:
-    """The fit is the same, and so is its judgement by its own slopes."""
+    """The fit is the same, up to where it is left as converged, and so is its judgement by its own slopes."""
     one = drive({"gyro_scale.z": 0.03}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     nominal = fitted(one, rows, nothing(), (), TOLERANCE)
@@ -537,10 +539,10 @@ def test_slopes_that_are_known_need_not_be_taken_again() -> None:
     alone = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE)
     known = Slopes(nominal.x, (), columns, there)
     beside = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE, known=known)
-    np.testing.assert_array_equal(beside.x, alone.x)
+    assert np.max(np.abs(beside.x - alone.x)[list(alone.columns)] / alone.std) < 0.03
     judged = exactly(one, rows, beside, TOLERANCE)
-    np.testing.assert_allclose(judged.unseen, alone.unseen)
-    np.testing.assert_allclose(judged.std, alone.std)
+    np.testing.assert_allclose(judged.unseen, alone.unseen, rtol=2e-3)
+    np.testing.assert_allclose(judged.std, alone.std, rtol=2e-3)
     assert known.of(nominal.x, ("gyro_scale", "road_bank"), columns) is None
     assert known.of(nominal.x + 1e-9, ("gyro_scale",), columns) is None
     assert known.of(nominal.x, ("gyro_scale",), (*columns, 99)) is None
