@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
 from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, Floats, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
@@ -157,12 +158,21 @@ def driven_s(drive: Drive, rows: Rows) -> float:
     return float(np.count_nonzero(rows.used.any(axis=1) & moving) * ROW_S)
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def residual(rows: Rows, prediction: Floats) -> Floats:
     """Measured less predicted (k, 13), 0 where a row does not count."""
-    left = np.where(rows.used, rows.measured - prediction[rows.at], 0.0)
-    left = np.asarray(np.clip(np.nan_to_num(left, nan=_STEEPEST), -_STEEPEST, _STEEPEST))
-    return _with_own_offsets(rows, left)
+    return _with_own_offsets(rows, _less(rows.measured, prediction, rows.at, rows.used))
+
+
+@compiled
+def _less(measured: Floats, prediction: Floats, at: Ints, used: Bools) -> Floats:
+    """A prediction that is no number is off by as much as can be."""
+    left = np.zeros(used.shape)
+    for k in range(len(at)):
+        for c in range(used.shape[1]):
+            if used[k, c]:
+                off = measured[k, c] - prediction[at[k], c]
+                left[k, c] = _STEEPEST if math.isnan(off) else min(max(off, -_STEEPEST), _STEEPEST)
+    return left
 
 
 def own_offsets(rows: Rows, values: Floats) -> Floats:
@@ -231,16 +241,14 @@ def sensitivities(
 
     `felt`: the road that is felt for other parameters; None where it is the same for all.
     """
-    moving, before = driven(drive, x, road), base[rows.at]
+    moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
 
-    # A car that spins is infinitely wrong, which is looked at below: no warning.
-    @np.errstate(over="ignore", invalid="ignore")
     def secant(i: int) -> Floats:
         # A wind that is felt anew is another one for an offset, too.
         if i < len(OFFSETS) and not (felt is not None and felt.changes_with("")):
-            only = np.zeros_like(before)
-            only[:, i] = 1.0
+            only = np.zeros(rows.used.shape)
+            only[:, i] = rows.used[:, i]
             return only
         effect, parameter = drive.vocabulary.columns[i]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
@@ -255,11 +263,23 @@ def sensitivities(
             there = shown(drive, moved, moving)
         else:
             there = predicted(drive, moved, road, None if ROLL & {effect, parameter.name} else moving.rolling)
-        return np.asarray((there[rows.at] - before) / step)
+        per_step: Floats = _per_step(there, base, rows.at, rows.used, step)
+        return per_step
 
-    found = np.zeros((len(columns), *before.shape))
-    for place, one in enumerate(each(secant, columns)):
-        # Beside a car that is about to spin a step further is anything; nothing is learnt from that.
-        kept = np.clip(np.nan_to_num(one, copy=False, nan=0.0, posinf=0.0, neginf=0.0), -_STEEPEST, _STEEPEST)
-        found[place] = np.where(rows.used, kept, 0.0)
+    found = np.array(list(each(secant, columns))).reshape(len(columns), *rows.used.shape)
     return _with_own_offsets(rows, np.ascontiguousarray(np.moveaxis(found, 0, 2)))
+
+
+@compiled
+def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float) -> Floats:
+    """How much more there is (k, 13) in the rows that count, over the step.
+
+    Beside a car that is about to spin a step further is anything; nothing is learnt from that.
+    """
+    found = np.zeros(used.shape)
+    for k in range(len(at)):
+        for c in range(used.shape[1]):
+            slope = (there[at[k], c] - base[at[k], c]) / step
+            if used[k, c] and math.isfinite(slope):
+                found[k, c] = min(max(slope, -_STEEPEST), _STEEPEST)
+    return found

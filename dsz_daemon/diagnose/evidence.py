@@ -137,9 +137,12 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
     values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
     values = np.maximum(values, _TOLD_APART * values[-1])
+    low, high = box.low / scale, box.high / scale
+    free = (vectors / values) @ (vectors.T @ (cross * scale))
+    if ((low <= free) & (free <= high)).all():
+        return np.asarray(free * scale, dtype=np.float64)
     root = (vectors * np.sqrt(values)).T
     goal = (vectors / np.sqrt(values)).T @ (cross * scale)
-    low, high = box.low / scale, box.high / scale
     # A box without room holds its parameter.
     high = np.maximum(high, low + 1e-12)
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)

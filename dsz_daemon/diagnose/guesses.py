@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import ROW_S, Rows, residual
+from dsz_daemon.diagnose.comparison import ROW_S, Each, Rows, residual
 from dsz_daemon.diagnose.descent import loss_of_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
@@ -28,9 +28,9 @@ _NOTHING = 0.02
 _SOME_SHARPNESS = 0.01
 
 
-def guesses(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
     """Effects with parameters (as in the `best` fit so far) to begin from."""
-    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best)]
+    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best, each)]
 
 
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
@@ -50,7 +50,7 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
     return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
 
 
-def _slippery(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
     """The stretch, and its friction, that would explain the most were nothing else changed.
 
     A car forgets in less than a second what it drove on. So what each row gains on a road that is slippery all the way
@@ -60,13 +60,17 @@ def _slippery(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
         return []
     most, found = _LEAST, list[tuple[str, Floats]]()
     before = loss_of_rows(best.left, rows, best.scatter)
-    for friction, ellipse in product(_FRICTIONS.tolist(), _ELLIPSES):
+
+    def all_the_way(grip: tuple[float, float]) -> tuple[Floats, Floats]:
+        friction, ellipse = grip
         x = best.x.copy()
         x[INDEX["low_friction.ellipse"]] = ellipse
         x[INDEX["low_friction.inverse_square"]] = friction**-2
         x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
         x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 0.0, len(drive.steer) * DT_S
-        after = loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+        return x, loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+
+    for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
         first, last, total = _stretch(before - after - _NOTHING)
         if total > most and (last - first) * ROW_S > _SHORTEST_S:
             x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = rows.at[[first, last - 1]] * DT_S

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose.angles import cos_of, sin_of
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -45,33 +46,30 @@ def felt(
     rates and of forces, forces shown of forces.
     """
     n = len(v_mps)
-    p, q = np.empty(n), np.empty(n)
+    p, q, p_roads, q_roads = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
-        row = moved[i]
-        r, bank, slope = row[1], bank_rad[i], -grade_rad[i]
+        row, before, after = moved[i], max(i - 1, 0), min(i + 1, n - 1)
+        r, per_s = row[1], 1.0 / (dt_s * (after - before))
         # Euler rates to body rates, first order in the angles; the body's lean turns with the car.
-        p[i] = slope_at(bank_rad, i, dt_s) - r * slope + row[6] - r * row[7]
-        q[i] = -slope_at(grade_rad, i, dt_s) + r * bank + row[8] + r * row[5]
+        p_roads[i] = (bank_rad[after] - bank_rad[before]) * per_s + r * grade_rad[i]
+        q_roads[i] = (grade_rad[before] - grade_rad[after]) * per_s + r * bank_rad[i]
+        p[i], q[i] = p_roads[i] + row[6] - r * row[7], q_roads[i] + row[8] + r * row[5]
     x, y, z = lever_m[0], lever_m[1], lever_m[2]
     shown = np.empty((n, 6))
     rate, force = np.empty(3), np.empty(3)
     for i in range(n):
-        row = moved[i]
+        row, before, after = moved[i], max(i - 1, 0), min(i + 1, n - 1)
+        per_s = 1.0 / (dt_s * (after - before))
         vy, r, r_rate, across, lean, dive = row[0], row[1], row[2], row[3], row[5], row[7]
-        v, bank, slope = v_mps[i], bank_rad[i], -grade_rad[i]
-        p_road = slope_at(bank_rad, i, dt_s) - r * slope
-        q_road = -slope_at(grade_rad, i, dt_s) + r * bank
         # Along the road's own axes first; the body is turned against these by its lean and its dive.
         along = v_rate[i] - r * vy
-        roll, pitch = bank + lean, slope + dive
-        ax = along * math.cos(dive) - G * math.sin(pitch)
-        ay = across * math.cos(lean) + G * math.sin(roll)
-        az = -q_road * v + p_road * vy + G * math.cos(roll) * math.cos(pitch)
-        az += along * math.sin(dive) - across * math.sin(lean)
-        p_rate, q_rate = slope_at(p, i, dt_s), slope_at(q, i, dt_s)
-        before, after = max(i - 1, 0), min(i + 1, n - 1)
-        rolling = (moved[after, 6] - moved[before, 6]) / (dt_s * (after - before))
-        diving = (moved[after, 8] - moved[before, 8]) / (dt_s * (after - before))
+        roll, pitch = bank_rad[i] + lean, dive - grade_rad[i]
+        ax = along * cos_of(dive) - G * sin_of(pitch)
+        ay = across * cos_of(lean) + G * sin_of(roll)
+        az = -q_roads[i] * v_mps[i] + p_roads[i] * vy + G * cos_of(roll) * cos_of(pitch)
+        az += along * sin_of(dive) - across * sin_of(lean)
+        p_rate, q_rate = (p[after] - p[before]) * per_s, (q[after] - q[before]) * per_s
+        rolling, diving = (moved[after, 6] - moved[before, 6]) * per_s, (moved[after, 8] - moved[before, 8]) * per_s
         ax += body_m[1] * diving
         ay -= body_m[0] * rolling
         az -= body_m[2] * diving
@@ -106,6 +104,30 @@ def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
 
 
 @compiled
+def delayed(values: Floats, by_s: float, dt_s: float) -> Floats:
+    """Each column of the values (n, c) as it comes `by_s` late (early, if negative); level beyond the ends."""
+    n, c = values.shape
+    found = np.empty((n, c))
+    for i in range(n):
+        place = min(max(i - by_s / dt_s, 0.0), n - 1.0)
+        k = min(int(place), max(n - 2, 0))
+        after, share = min(k + 1, n - 1), place - k
+        for j in range(c):
+            found[i, j] = values[k, j] + share * (values[after, j] - values[k, j])
+    return found
+
+
+@compiled
+def add_offsets(reads: Floats, offsets: Floats, drifts: Floats, dt_s: float) -> None:
+    """Adds offsets (6,) and what they drift by in a second (6,), about the middle, to the readings (n, 6)."""
+    n = len(reads)
+    for i in range(n):
+        time_s = dt_s * (i - 0.5 * n)
+        for c in range(reads.shape[1]):
+            reads[i, c] += offsets[c] + time_s * drifts[c]
+
+
+@compiled
 def rolled(
     moved: Floats,
     v_mps: Floats,
@@ -121,7 +143,7 @@ def rolled(
     for i in range(len(v_mps)):
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
-        cos, across = math.cos(delta), (row[0] + cg_to_front_axle_m * r) * math.sin(delta)
+        cos, across = cos_of(delta), (row[0] + cg_to_front_axle_m * r) * sin_of(delta)
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
         shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i]) / radii[0]
         shown[i, 1] = ((v + front) * cos + across) * (1.0 + front_slip[i]) / radii[1]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose.angles import atan_of, cos_of, sin_of
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -140,24 +141,25 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
     rear_load = car.mass_kg * G * lf / (lf + lr)
-    rows = np.zeros((len(v_mps), 12))
+    rows = np.empty((len(v_mps), 12))
     by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     # The body has come to rest on its springs when a recording begins.
-    held_mps2 = G * math.sin(bank_rad[0]) - car.wind_leans * side_n[0] / car.mass_kg
+    held_mps2 = G * sin_of(bank_rad[0]) - car.wind_leans * side_n[0] / car.mass_kg
     roll = car.roll_gradient * ((1.0 - lean_share) * held_mps2 + lean_mps2[0])
-    pitch = -car.pitch_gradient * (v_rate[0] + G * math.sin(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
+    pitch = -car.pitch_gradient * (v_rate[0] + G * sin_of(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
     roll_rate, pitch_rate = 0.0, 0.0
     front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
     held = steer_rad[0]
     half = 0.5 * car.backlash_rad
     roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
     pitch_spring, pitch_damper = car.pitch_radps**2, 2.0 * car.pitch_damping * car.pitch_radps
+    per_kg, per_kgm2 = 1.0 / car.mass_kg, 1.0 / car.yaw_inertia_kgm2
     for i in range(len(v_mps)):
         v = v_mps[i]
         held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
         delta = held - car.compliance_rad_per_n * front
-        cos, sin = math.cos(delta), math.sin(delta)
+        cos, sin = cos_of(delta), sin_of(delta)
         if by_front:
             v = (front_mps[i] - (vy + lf * r) * sin) / cos
         if v < ROLLING_MPS:
@@ -166,15 +168,18 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             vy = lr * r
             front, rear = 0.0, 0.0
             ay, r_rate = r * v, (r - r_before) / dt_s
-        outside = side_n[i] - car.mass_kg * G * math.sin(bank_rad[i])
-        uphill = G * math.sin(grade_rad[i])
+        tilted = sin_of(bank_rad[i])
+        outside = side_n[i] - car.mass_kg * G * tilted
+        uphill = G * sin_of(grade_rad[i])
         # A body leans to what its tyres do: the road's tilt, and a wind at the C.G.'s height, pull at all of it alike.
-        pulled_mps2 = car.wind_leans * side_n[i] / car.mass_kg - G * math.sin(bank_rad[i])
+        pulled_mps2 = car.wind_leans * side_n[i] * per_kg - G * tilted
         if car.load_height_m != 0.0:
             carried_mps2 += taken * (v_rate[i] - r * vy + uphill - carried_mps2)
             front_loaded, rear_loaded = _loaded(car, carried_mps2)
+        per_v = 1.0 / max(v, ROLLING_MPS)
+        heading = (vy + lf * r) * per_v
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
-            slips = math.atan((vy + lf * r) / v) - delta, math.atan((vy - lr * r) / v)
+            slips = atan_of(heading) - delta, atan_of((vy - lr * r) * per_v)
             front = (
                 front_loaded
                 * front_free[i]
@@ -185,9 +190,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             )
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, cos)
-            scrub_n, scrub_nm = _scrubbed(car, (vy + lf * r) / v, r / v, sin)
-            ay = (steered + rear + outside + scrub_n) / car.mass_kg
-            r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) / car.yaw_inertia_kgm2
+            scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
+            ay = (steered + rear + outside + scrub_n) * per_kg
+            r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) * per_kgm2
         row = rows[i]
         # A hasty simulation shows the force of this moment's steering on motion that is half a step behind it.
         ahead = 0.0
@@ -195,7 +200,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             turned = steer_rad[min(i + 1, len(v_mps) - 1)] - steer_rad[max(i - 1, 0)]
             ahead = car.front_stiffness * car.hasty_s * turned / (2.0 * dt_s)
         row[0], row[1], row[4] = vy, r, front
-        row[2], row[3] = r_rate + ahead * lf / car.yaw_inertia_kgm2, ay + ahead / car.mass_kg
+        row[2], row[3] = r_rate + ahead * lf * per_kgm2, ay + ahead * per_kg
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
         row[10], row[11] = v, ay - pulled_mps2
         # The body on its springs, to the next row.
@@ -214,7 +219,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         delta_mid, v_mid = delta + 0.5 * (held_after - held), v + 0.5 * (v_mps[after] - v_mps[i])
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
-        slips = math.atan((vy_mid + lf * r_mid) / v_mid) - delta_mid, math.atan((vy_mid - lr * r_mid) / v_mid)
+        per_v = 1.0 / v_mid
+        heading = (vy_mid + lf * r_mid) * per_v
+        slips = atan_of(heading) - delta_mid, atan_of((vy_mid - lr * r_mid) * per_v)
         front_goal = (
             front_loaded * front_free[i] * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
         )
@@ -230,10 +237,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             front += share * (front_goal - front)
             rear += share * (rear_goal - rear)
         along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid + uphill
-        cos, sin = math.cos(delta_mid), math.sin(delta_mid)
+        cos, sin = cos_of(delta_mid), sin_of(delta_mid)
         steered = front_mid * cos + _pulled(car, front_mid, along, sin, cos)
-        scrub_n, scrub_nm = _scrubbed(car, (vy_mid + lf * r_mid) / v_mid, r_mid / v_mid, sin)
-        vy += dt_s * ((steered + rear_mid + outside + scrub_n) / car.mass_kg - r_mid * v_mid)
+        scrub_n, scrub_nm = _scrubbed(car, heading, r_mid * per_v, sin)
+        vy += dt_s * ((steered + rear_mid + outside + scrub_n) * per_kg - r_mid * v_mid)
         turning = steered * lf - rear_mid * lr + scrub_nm + car.wind_ahead_m * side_n[i]
-        r += dt_s * turning / car.yaw_inertia_kgm2
+        r += dt_s * turning * per_kgm2
     return rows

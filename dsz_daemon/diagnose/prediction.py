@@ -10,13 +10,14 @@ import numpy as np
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
-from dsz_daemon.diagnose.instruments import felt, followed, rolled, side_by_side
+from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
+Ints = np.ndarray[Any, np.dtype[np.int64]]
 
 G = STANDARD_GRAVITY_MPS2
 # What is compared: the IMU, the wheels that don't give the speed, the difference (right less left) of the others, and
@@ -30,6 +31,16 @@ CHANNELS = (
 )
 
 
+def _places(effect: str, names: str) -> Ints:
+    return np.array([INDEX[(f"{effect}." if effect else "") + name] for name in names.split()])
+
+
+def _matrix(scale: str, cross: str) -> Ints:
+    """Places (3, 3) of what axes show of each other; on the diagonal those of `scale`, if there is one."""
+    rows = [[f"{scale}.{i}" if scale and i == j else f"{cross}.{i}{j}" for j in "xyz"] for i in "xyz"]
+    return np.array([[INDEX[name] for name in row] for row in rows])
+
+
 _ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
 _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
@@ -37,6 +48,15 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "drive_steer", "brake_steer"}
 )
+# Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
+_LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
+_BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
+_RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
+_RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
+_FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.delay_s"]
+_OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
+_DRIFTS = _places("bias_drift", " ".join(IMU_CHANNELS))
+_ONES = np.eye(3)
 _SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share")
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
@@ -254,7 +274,7 @@ def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) 
     if squares.any():
         wheels_mps = wheels_mps + squares * wheels_mps**2
     if late_s != 0.0:
-        wheels_mps = np.column_stack([earlier(wheels_mps[:, i], -late_s) for i in range(4)])
+        wheels_mps = delayed(wheels_mps, late_s, DT_S)
     left, right, own_left, own_right = (2, 3, 0, 1) if drive.front_gives_speed else (0, 1, 2, 3)
     return np.column_stack(
         [wheels_mps[:, left], wheels_mps[:, right], wheels_mps[:, own_right] - wheels_mps[:, own_left]]
@@ -308,44 +328,29 @@ def _own_parameters(drive: Drive, name: str) -> list[tuple[int, Parameter]]:
 
 def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
-
-    def at(name: str) -> float:
-        return float(x[INDEX[name]])
-
-    lever = np.array([at("imu_lever_arm.x_m") + ahead_m, at("imu_lever_arm.y_m"), at("imu_lever_arm.z_m")])
-    body = [at(f"suspension_{name}_m") for name in ("roll.above", "pitch.above", "pitch.ahead")]
-    turn_x, turn_y, turn_z = (at(f"imu_misalignment.{axis}_rad") for axis in ("roll", "pitch", "yaw"))
+    lever = x[_LEVER]
+    lever[0] += ahead_m
+    turn_x, turn_y, turn_z = x[_TURN].tolist()
     turn = np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
-    pulls = np.array([[at(f"gyro_g_sensitivity.{i}{j}") for j in "xyz"] for i in "xyz"])
-    reads = felt(
+    reads: Floats = felt(
         moving.moved,
         moving.v_mps,
         moving.v_rate,
         moving.road.bank_rad,
         moving.road.grade_rad,
         lever,
-        np.array(body),
-        _matrix(at, "gyro_scale", "gyro_cross_axis") @ turn,
-        pulls @ turn,
-        _matrix(at, "accel_scale", "accel_cross_axis") @ turn,
+        x[_BODY],
+        (_ONES + x[_RATES_OF_RATES]) @ turn,
+        x[_RATES_OF_FORCES] @ turn,
+        (_ONES + x[_FORCES_OF_FORCES]) @ turn,
         DT_S,
     )
-    time_constant_s = at("sensor_bandwidth.time_constant_s")
-    if time_constant_s > 0.0:
-        reads = followed(reads, time_constant_s, DT_S)
-    if at("imu_delay.delay_s") > 0.0:
-        reads = np.column_stack([earlier(reads[:, i], -at("imu_delay.delay_s")) for i in range(6)])
-    reads += np.array([at(f"offset_{channel}") for channel in IMU_CHANNELS])
-    drift = np.array([at(f"bias_drift.{channel}") for channel in IMU_CHANNELS])
-    if drift.any():
-        time_s = DT_S * np.arange(len(reads)) - 0.5 * DT_S * len(reads)
-        reads += time_s[:, np.newaxis] * drift
-    return np.asarray(reads, dtype=np.float64)
-
-
-def _matrix(at: Any, scale: str, cross: str) -> Floats:
-    rows = [[at(f"{scale}.{i}") if i == j else at(f"{cross}.{i}{j}") for j in "xyz"] for i in "xyz"]
-    return np.asarray(np.eye(3) + np.array(rows), dtype=np.float64)
+    if x[_FOLLOWS] > 0.0:
+        reads = followed(reads, float(x[_FOLLOWS]), DT_S)
+    if x[_LATE] > 0.0:
+        reads = delayed(reads, float(x[_LATE]), DT_S)
+    add_offsets(reads, x[_OFFSETS], x[_DRIFTS], DT_S)
+    return reads
 
 
 def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:

@@ -7,11 +7,11 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from scipy.signal import oaconvolve
+from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import FORM, floors
+from dsz_daemon.diagnose.comparison import FORM, Each, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
 from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, correction, flat, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
@@ -246,24 +246,28 @@ def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
 def _slow_part(values: Floats) -> Floats:
     """What a Gaussian leaves of the values (n,), which are reflected at both ends."""
     reach = len(_SLOW_KERNEL) // 2
-    return np.asarray(oaconvolve(np.pad(values, reach, mode="symmetric"), _SLOW_KERNEL, mode="valid"))
+    padded = np.pad(values, reach, mode="symmetric")
+    n = next_fast_len(len(padded), real=True)
+    smooth = np.fft.irfft(np.fft.rfft(padded, n) * np.fft.rfft(_SLOW_KERNEL, n), n)
+    # What comes before has gone round from the end to the beginning.
+    return np.asarray(smooth[2 * reach : len(padded)])
 
 
-# Pushed elsewhere, a car may spin: that place is no answer.
-@np.errstate(over="ignore", invalid="ignore")
-def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...]) -> float:
+def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], each: Each = map) -> float:
     """How far ahead of the C.G. the wind pushes, by which the yaw rate is told best: another place is another wind."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
     if not np.isfinite(drive.measured[rolling, _YAW]).any():
         return 0.0
 
+    # Pushed elsewhere, a car may spin: that place is no answer.
+    @np.errstate(over="ignore", invalid="ignore")
     def left_at(ahead_m: float) -> float:
         there = x.copy()
         there[_WIND_AHEAD] = ahead_m
         left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects, _ROUGHLY)(there))[:, _YAW]
         return float(np.nanvar(left[rolling]))
 
-    left = np.array([left_at(ahead_m) for ahead_m in _AHEAD_M])
+    left = np.array(list(each(left_at, _AHEAD_M)))
     if not np.isfinite(left).all():
         return 0.0
     best = min(max(int(np.argmin(left)), 1), len(_AHEAD_M) - 2)

@@ -9,7 +9,8 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.instruments import slope_at
+from dsz_daemon.diagnose.angles import cos_of
+from dsz_daemon.diagnose.instruments import delayed, slope_at
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
@@ -61,11 +62,10 @@ class _Shares(NamedTuple):
 
 
 def earlier(values: Floats, by_s: float) -> Floats:
-    """What the values will be `by_s` later (what a late sensor has not told yet); level beyond the ends."""
+    """What the values (n,) will be `by_s` later (what a late sensor has not told yet); level beyond the ends."""
     if by_s == 0.0:
         return values
-    place = np.arange(len(values)) + by_s / DT_S
-    return np.asarray(np.interp(place, np.arange(len(values)), values), dtype=np.float64)
+    return np.asarray(delayed(values.reshape(-1, 1), -by_s, DT_S)[:, 0])
 
 
 def rolling(
@@ -193,13 +193,25 @@ def _free(pull_mps2: Floats, grade_rad: Floats, grip: Floats, shares: _Shares) -
 
 
 def _of_the_front(car: Car, steer: Floats, front_mps: Floats) -> Floats:
-    """The car's speed over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
+    """The car's speed (n,) over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
 
     The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta.
     """
     wheelbase = car.wheelbase_m
     front_alpha = 0.5 * car.mass_kg * car.cg_to_rear_axle_m / wheelbase / car.front_cornering_stiffness_n_per_rad
     rear_alpha = 0.5 * car.mass_kg * car.cg_to_front_axle_m / wheelbase / car.rear_cornering_stiffness_n_per_rad
-    r = front_mps * steer / (wheelbase + (front_alpha - rear_alpha) * front_mps**2)
-    alpha = front_alpha * front_mps * r
-    return np.asarray(np.cos(steer - alpha) / np.cos(alpha), dtype=np.float64)
+    found: Floats = _along_over_rolled(steer, front_mps, wheelbase, front_alpha, rear_alpha)
+    return found
+
+
+@compiled
+def _along_over_rolled(
+    steer: Floats, front_mps: Floats, wheelbase_m: float, front_alpha: float, rear_alpha: float
+) -> Floats:
+    found = np.empty(len(steer))
+    for i in range(len(steer)):
+        v = front_mps[i]
+        r = v * steer[i] / (wheelbase_m + (front_alpha - rear_alpha) * v * v)
+        alpha = front_alpha * v * r
+        found[i] = cos_of(steer[i] - alpha) / cos_of(alpha)
+    return found

@@ -105,7 +105,7 @@ def searched(
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         screening = screened(drive, rows, best, tolerance, each)
         trial = _Trial(drive, rows, best, tolerance, screening.known)
-        starts = [start for start in starts_of(drive, rows, best, screening.names) if not set(start[0]) & refused]
+        starts = [start for start in starts_of(drive, rows, best, screening.names, each) if not set(start[0]) & refused]
         tried = _ranked(drive, best, _judged(trial, each(trial.fit, starts), each))
         named = max((step.gain for step in tried), default=0.0)
         shape = _likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
 from dsz_daemon.diagnose import answer, shape_beside
 from dsz_daemon.diagnose import fit as fit_module
-from dsz_daemon.diagnose.comparison import Rows, rows_of
+from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
 from dsz_daemon.diagnose.descent import loss_of
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, sums
+from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import _covariance, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
@@ -153,3 +154,28 @@ def test_the_end_of_a_drive_does_not_meet_its_beginning() -> None:
     left[:100], left[300:] = 1.0, 1.0
     [found] = correlated_rows(left, np.ones((400, 1), dtype=np.bool_))
     assert found == pytest.approx(100.0, rel=0.03)
+
+
+def test_what_is_no_number_is_as_far_off_as_can_be_and_teaches_nothing() -> None:
+    rows = some_rows(np.zeros(4, dtype=np.int64))
+    there, base = np.zeros((4, 13)), np.zeros((4, 13))
+    there[:, 0] = [math.nan, math.inf, 2.0, -1e12]
+    # What is not compared is not looked at.
+    there[:, 1] = math.nan
+    assert residual(rows, there)[:, 0].tolist() == [1e9, -1e9, -2.0, 1e9]
+    assert not residual(rows, there)[:, 1:].any()
+    slope = _per_step(there, base, rows.at, rows.used, 0.5)
+    assert slope[:, 0].tolist() == [0.0, 0.0, 4.0, -1e9]
+    assert not slope[:, 1:].any()
+
+
+@pytest.mark.parametrize("room", [100.0, 0.3])
+def test_a_step_is_that_of_least_squares_inside_its_box(room: float) -> None:
+    """Against scipy's trust-region method, which shares nothing with the way to it."""
+    rng = np.random.default_rng(6)
+    table, goal = rng.normal(size=(50, 4)), rng.normal(size=50) + 1.0
+    box = Box(np.full(4, -room), np.full(4, 0.1 * room), np.zeros(4))
+    step = solved(table.T @ table, table.T @ goal, box)
+    other = lsq_linear(table, goal, (box.low, box.high), method="trf", tol=1e-12)
+    np.testing.assert_allclose(step, other.x, atol=1e-5)
+    assert (room == 100.0) == bool(((step > box.low + 1e-6) & (step < box.high - 1e-6)).all())

@@ -1,0 +1,61 @@
+"""diagnose: the small angles' series against the library's own functions, and what is shifted in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsz_daemon.diagnose.angles import SMALL_RAD, atan_of, cos_of, sin_of
+from dsz_daemon.diagnose.instruments import add_offsets, delayed
+
+# Spacings of double numbers: what two ways to round may differ by.
+LAST_DIGITS = 4.0
+
+
+@pytest.mark.parametrize(("series", "exact"), [(sin_of, math.sin), (cos_of, math.cos), (atan_of, math.atan)])
+@given(
+    angle=st.one_of(
+        st.floats(-2.0 * SMALL_RAD, 2.0 * SMALL_RAD),
+        st.floats(-1e3, 1e3),
+        st.sampled_from([0.0, SMALL_RAD, -SMALL_RAD, math.nextafter(SMALL_RAD, 1.0)]),
+    )
+)
+def test_a_series_is_the_librarys_to_the_last_digits(
+    series: Callable[[float], float], exact: Callable[[float], float], angle: float
+) -> None:
+    expected = exact(angle)
+    assert abs(series(angle) - expected) <= LAST_DIGITS * math.ulp(expected)
+
+
+@pytest.mark.parametrize("series", [sin_of, cos_of, atan_of])
+def test_what_is_no_number_stays_none(series: Callable[[float], float]) -> None:
+    assert math.isnan(series(math.nan))
+
+
+@given(by_s=st.floats(-0.9, 0.9))
+def test_what_comes_late_is_what_was_and_is_level_beyond_the_ends(by_s: float) -> None:
+    time_s = 0.1 * np.arange(30)
+    ramp = np.column_stack([2.0 * time_s, -time_s])
+    found = delayed(ramp, by_s, 0.1)
+    then_s = np.clip(time_s - by_s, 0.0, time_s[-1])
+    np.testing.assert_allclose(found, np.column_stack([2.0 * then_s, -then_s]), atol=1e-12)
+
+
+def test_between_two_samples_what_comes_late_is_in_proportion() -> None:
+    found = delayed(np.array([[0.0], [1.0], [5.0], [5.0]]), 0.025, 0.1)
+    np.testing.assert_allclose(found[:, 0], [0.0, 0.75, 4.0, 5.0])
+
+
+def test_one_sample_is_the_same_at_any_time() -> None:
+    np.testing.assert_array_equal(delayed(np.array([[3.0, 4.0]]), 1.0, 0.1), [[3.0, 4.0]])
+
+
+def test_offsets_drift_about_the_middle() -> None:
+    reads = np.ones((4, 2))
+    add_offsets(reads, np.array([0.5, 0.0]), np.array([0.0, 10.0]), 0.1)
+    np.testing.assert_allclose(reads, np.column_stack([np.full(4, 1.5), [-1.0, 0.0, 1.0, 2.0]]))
