@@ -1,4 +1,4 @@
-"""What one recording can't tell apart: effects that come near, and mounts and roads that are the same as an offset."""
+"""What one recording can't tell apart: effects that come near, a mount or a road and an offset, radii and slip."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from dsz_daemon.diagnose.effects import NAMELESS
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
+from dsz_daemon.diagnose.effects import BUILT_IN, NAMELESS
+from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.rolling import rate_of
 from dsz_daemon.diagnose.search import Search, Step
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
@@ -17,6 +23,9 @@ SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_complian
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # An accelerometer's offset that is no more is what data sheets have.
 _MUCH_MPS2 = 0.3
+# How much further the front wheels turn has to be told by so many of its spreads; and from so many blocks on.
+_TOLD, _LEAST_BLOCKS = 3.0, 5
+_LEAST_RADIUS = next(p.least for p in BUILT_IN.described("wheel_radius").parameters)
 
 
 def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[str], list[dict[str, float | str]]]:
@@ -76,3 +85,48 @@ def same_as_offsets(offsets_mps2: Mapping[str, float]) -> list[SameAsOffset]:
         )
         found.append(SameAsOffset(f"offset_{channel}", value, "imu_misalignment", parameter, turn, words))
     return found
+
+
+class SameAsSlip(NamedTuple):
+    """Front wheels that turn faster than rear ones by a share of their speed: all the way, and where that is steady.
+
+    `effect`: what would be the same as their slip there.
+    """
+
+    front_over_rear: float
+    when_steady: float
+    std: float
+    effect: str
+    statement: str
+
+
+def same_as_slip(drive: Drive, rows: Rows) -> list[SameAsSlip]:
+    """What of the slip of driven wheels radii might be as well: what is there at a steady speed, too.
+
+    By a regression of the share on what speeds the car up and on what brakes it, each by itself; its spread is that of
+    the blocks. In a bend the front wheels go v / cos(delta).
+    """
+    at = rows.at[rows.used[:, 6:9].any(axis=1) & (np.mean(drive.wheels, axis=1)[rows.at] > SLOW_MPS)]
+    front, rear = (np.mean(drive.wheels[:, axle], axis=1) for axle in (slice(0, 2), slice(2, 4)))
+    pull_mps2 = rate_of(np.ascontiguousarray(0.5 * (front + rear)), DT_S)[at]
+    share = front[at] * np.cos(drive.steer[at]) / rear[at] - 1.0
+    blocks, block = np.unique((at * DT_S / BLOCK_S).astype(np.int64), return_inverse=True)
+    if len(blocks) < _LEAST_BLOCKS:
+        return []
+    table = np.column_stack([np.ones(len(at)), np.maximum(pull_mps2, 0.0), np.minimum(pull_mps2, 0.0)])
+    bread = np.linalg.pinv(table.T @ table)
+    found: Floats = bread @ (table.T @ share)
+    left = share - table @ found
+    pulls = np.column_stack([np.bincount(block, left * column) for column in table.T])
+    steady, std = float(found[0]), math.sqrt(float((bread @ pulls.T @ pulls @ bread)[0, 0]))
+    if abs(steady) < max(_LEAST_RADIUS, _TOLD * std):
+        return []
+    faster, slower = ("front", "rear") if steady > 0.0 else ("rear", "front")
+    mean = float(np.mean(share))
+    words = (
+        f"The {faster} wheels turn {math.copysign(mean, mean * steady):.2%} faster than the {slower} ones, "
+        f"{abs(steady):.2%} where the speed hardly changes: slip against rolling, air and a climb that lasts would do "
+        f"the latter, and so would wheel radii that are as much smaller there than configured: on one drive these are "
+        f"the same"
+    )
+    return [SameAsSlip(mean, steady, std, "wheel_radius", words)]

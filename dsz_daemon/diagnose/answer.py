@@ -9,7 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
-from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets
+from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
@@ -85,7 +85,13 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
         _untested(found, each),
         {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in offsets.items()},
         same_as_offsets({name: v for name, (v, _) in offsets.items()}),
+        same_as_slip(found.drive, found.rows) if _names_slip_alone(causes) else [],
     )
+
+
+def _names_slip_alone(causes: Sequence[Cause]) -> bool:
+    """Whether wheels slip, and nothing is said of their radii."""
+    return "wheel_slip" in {cause.effect for cause in causes} and "wheel_radius" not in {c.effect for c in causes}
 
 
 def _wheel_shapes(found: Search) -> list[Shape]:

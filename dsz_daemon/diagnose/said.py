@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from dsz_daemon.diagnose.aliases import SameAsOffset
+from dsz_daemon.diagnose.aliases import SameAsOffset, SameAsSlip
 from dsz_daemon.diagnose.locate import Place
 from dsz_daemon.diagnose.unlisted import Coefficient, Shape
 
@@ -79,3 +79,4 @@ class Diagnosis(NamedTuple):
     could_not_test: list[dict[str, str]]
     offsets: dict[str, Value]
     same_as_offsets: list[SameAsOffset]
+    same_as_slip: list[SameAsSlip]

@@ -186,7 +186,11 @@ def _rest(result: Mapping[str, Any]) -> list[Element]:
     offsets = offset_table(result)
     if offsets is not None:
         parts += [element("h2", "Refitted before any cause"), offsets]
-        parts += [element("p", f"{told(one.get('statement'))}.") for one in entries(result.get("same_as_offsets"))]
+        parts += [
+            element("p", f"{told(one.get('statement'))}.")
+            for key in ("same_as_offsets", "same_as_slip")
+            for one in entries(result.get(key))
+        ]
     return [element("section", *parts, class_="seen")] if parts else []
 
 

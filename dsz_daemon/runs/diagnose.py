@@ -135,7 +135,7 @@ def words(result: dict[str, Any]) -> str:
         f"{shape['coefficient']['unit']}, for which there is no name"
         for shape in result["unlisted"]
     ]
-    lines += [f"- {one['statement']}" for one in result["same_as_offsets"]]
+    lines += [f"- {one['statement']}" for key in ("same_as_offsets", "same_as_slip") for one in result[key]]
     off = [f"{name} {value:.0f} times" for name, value in result["level"].items() if value > UNEXPLAINED]
     if off and result["verdict"] in {"unexplained", "partly_explained"}:
         lines.append(f"- not explained: {', '.join(off)} what noise and the simulation's coarseness leave")
