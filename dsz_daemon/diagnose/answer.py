@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import channel_names, located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.prediction import CHANNELS, Floats, Profiles, driven, on_road, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
@@ -39,6 +39,8 @@ _TOLD_GAIN, _EVEN_ODDS_GAIN = 20.0, 10.0
 # So many times more for what has no formula, and fits nearly anything; and the rms of a wind that is one: less is no
 # more than a crosswind that changes by 0.3 m/s on a motorway, and any small thing in the steering turns a car as much.
 _PROFILE, _LEAST_WIND_N = 2.0, 25.0
+# Nor is it one that pushes no more than so many times what the steering's resolution does: half a degree is 13 N.
+_BEYOND_STEPS = 3.0
 # Of a factor that all wheels share: a drive that tells it no better does not tell it.
 _UNTOLD_FACTOR = 0.005
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
@@ -136,7 +138,9 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     """
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
-    least = {p.name: p.least for p in described.parameters} | {"rms_n": _LEAST_WIND_N}
+    least = {p.name: p.least for p in described.parameters}
+    if effect == "side_wind":
+        least["rms_n"] = _least_wind_n(found.drive)
     surely = found.gains[effect] > _SURE
     named = [
         abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
@@ -169,6 +173,16 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         others,
         _to_drive_next(found, effect, group),
     )
+
+
+def _least_wind_n(drive: Drive) -> float:
+    """The least rms of a side force that is a wind; rounding by e pushes the front axle by C_f e of each tyre."""
+    rounding_rad = drive.recording.rounding_rad
+    if rounding_rad is None:
+        return _LEAST_WIND_N
+    moving = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    rms_rad = float(np.sqrt(np.mean(np.nan_to_num(rounding_rad[:, moving]) ** 2))) if moving.any() else 0.0
+    return max(_LEAST_WIND_N, _BEYOND_STEPS * 2.0 * drive.car.front_cornering_stiffness_n_per_rad * rms_rad)
 
 
 def _to_drive_next(found: Search, effect: str, group: list[str]) -> str | None:

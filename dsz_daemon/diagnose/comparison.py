@@ -11,7 +11,16 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
-from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, Floats, Profiles, driven, predicted, shown
+from dsz_daemon.diagnose.prediction import (
+    CHANNELS,
+    ROLL,
+    Drive,
+    Floats,
+    Profiles,
+    driven,
+    predicted,
+    shown,
+)
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
@@ -37,7 +46,7 @@ _STILL_MPS2, _UPRIGHT, _AT_LIMIT, _OF_GRAVITY = 1e-5, 5, 0.05, 0.95
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
-_NONE, _IMU = np.zeros(len(CHANNELS)), len(IMU_CHANNELS)
+_IMU = len(IMU_CHANNELS)
 
 
 class Feels(Protocol):
@@ -54,9 +63,8 @@ class Rows(NamedTuple):
     """The rows that are compared: `used` (k, 13) which channels of each count, `block` (k,) its block of BLOCK_S.
 
     `form` (13,) is what the simulation's form alone may be off by, in each channel's unit. `together`: by name, for
-    each block of what it is one (a manoeuvre, a recording), where there is more than one of these. `steps` (13,): of
-    `form`, what comes of the steering's resolution, and stays as long as a bend. `piece` (k,): whose recording a row is
-    of, where there are several.
+    each block of what it is one (a manoeuvre, a recording), where there is more than one of these. `piece` (k,): whose
+    recording a row is of, where there are several.
     """
 
     at: Ints
@@ -65,7 +73,6 @@ class Rows(NamedTuple):
     measured: Floats
     form: Floats
     together: Mapping[str, Ints] = MappingProxyType({})
-    steps: Floats = _NONE
     piece: Ints | None = None
 
 
@@ -95,21 +102,10 @@ def rows_of(drive: Drive) -> Rows:
     for c in (*range(6), *range(10, len(CHANNELS))):
         mine = measured[used[:, c], c]
         form[c] = FORM * float(np.std(mine)) if len(mine) else 0.0
-    # In a long bend the steering stands between two of its steps all the time.
-    car, moving = drive.car, speed[speed > SLOW_MPS]
-    lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
-    softness = lr / car.front_cornering_stiffness_n_per_rad - lf / car.rear_cornering_stiffness_n_per_rad
-    understeer = 0.5 * car.mass_kg * softness / car.wheelbase_m
-    turns = moving / (car.wheelbase_m + understeer * moving**2)
-    step_rad = drive.recording.steering_step_rad / math.sqrt(12.0)
-    steps = np.zeros(len(CHANNELS))
-    for c, per_rad in ((2, turns), (4, turns * moving)):
-        steps[c] = step_rad * float(np.sqrt(np.mean(per_rad**2))) if len(per_rad) else 0.0
-    form = np.hypot(form, steps)
     block = (at * DT_S / BLOCK_S).astype(np.int64)
     together, piece = _together(drive, at, used, block), drive.recording.piece
     own = piece[at] if piece is not None and piece[-1] > 0 else None
-    return Rows(at, used, block, np.where(used, measured, 0.0), form, together, steps, own)
+    return Rows(at, used, block, np.where(used, measured, 0.0), form, together, own)
 
 
 def _stands_at_the_limit(measured: Floats, used: Bools) -> bool:
@@ -225,6 +221,11 @@ def floors(drive: Drive) -> Floats:
     if beside is None:
         beside = np.full(len(REFERENCE), np.nan)
     return np.array([*floor[:3], along, *floor[4:6], wheels[other[0]], wheels[other[1]], pair, *beside])
+
+
+def noises(drive: Drive) -> Floats:
+    """What white noise and the steering's resolution leave in each channel (13,)."""
+    return np.asarray(np.hypot(floors(drive), drive.steps), dtype=np.float64)
 
 
 def sensitivities(

@@ -13,7 +13,8 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.comparison import Rows, residual
-from dsz_daemon.diagnose.evidence import Box, correlated_rows, likelihood_of, scatter_of, solved, sums
+from dsz_daemon.diagnose.correlation import correlated_rows
+from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
 

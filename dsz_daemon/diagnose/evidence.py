@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.optimize import lsq_linear
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.comparison import FOLDS, Bools, Ints, Rows, robust_std
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.prediction import Floats
 
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
 LEAST_GAIN = 10.0
-_CORRELATED_FOR_ROWS = 250
 # Of normal equations with ones on their diagonal: combinations that are told by less are not told.
 _TOLD_APART = 1e-10
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
@@ -220,23 +219,6 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
         share = np.where(more > 0.0, np.maximum(1.0 - _LEFT_OPEN * expected / np.maximum(more, 1e-30), 0.0), 1.0)
         result[unseen] = best + share * (by_others - best)
     return result
-
-
-def correlated_rows(left: Floats, used: Bools) -> Floats:
-    """How many rows of each channel (13,) tell as much as one that is independent of the others."""
-    found = np.ones(left.shape[1])
-    for c in np.flatnonzero(used.any(axis=0)):
-        mine = np.where(used[:, c], left[:, c], 0.0)
-        # Filled up with zeros, so that no end meets the beginning within these lags.
-        reach = min(len(mine), _CORRELATED_FOR_ROWS)
-        n = next_fast_len(len(mine) + reach, real=True)
-        lags = np.fft.irfft(np.abs(np.fft.rfft(mine, n)) ** 2, n)[:reach]
-        if lags[0] <= 0.0:
-            continue
-        ratio = lags[1:] / lags[0]
-        ends = np.flatnonzero(ratio < 0.05)
-        found[c] = 1.0 + 2.0 * float(np.sum(ratio[: ends[0] if len(ends) else len(ratio)]))
-    return found
 
 
 def gain(

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, floors, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, floors, noises, sensitivities
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
@@ -24,7 +25,6 @@ from dsz_daemon.diagnose.effects import (
 from dsz_daemon.diagnose.evidence import (
     Box,
     Sums,
-    correlated_rows,
     held_out,
     held_out_kinds,
     inverse_of_told,
@@ -45,8 +45,6 @@ _EFFECT_FORM = 0.03
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
-# Through a long bend the steering stands between two of its steps, for so many rows.
-_STEPS_LAST_ROWS = 250
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
 # drive: it does not average out. Counted on two cars whose equations are others (docs/decisions/0019).
 _WAYS_TO_BE_WRONG = 8
@@ -223,7 +221,8 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
         name: held_out_kinds(found, lasting, box, kind, per_row) * scatter**2 for name, kind in rows.together.items()
     }
     form = _form(drive, rows, x, effects, here.base)
-    covariance = _covariance(found, per_row, box, rows.steps / scatter, np.nan_to_num(floors(drive)) / scatter)
+    steps = drive.steps_rows * (drive.steps / scatter) ** 2
+    covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
@@ -260,7 +259,8 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     """Covariance (p, p) by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
     And no less than what is left beyond the sensors' noise may have done to the parameters, if it is the simulation
-    that is wrong there. `steps`, `floor` (b, 13), in the blocks' scatter.
+    that is wrong there. In the blocks' scatter: the power of steps times the rows for which they stay (b, 13), and
+    the `floor` (b, 13).
     """
     bread, untold = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(box.weight, 1e-12))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
@@ -269,9 +269,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     block_power, by_chance = found.left / counts, _CHANCE * np.sqrt(2.0 * np.minimum(per_row, _NOISE_ROWS) / counts)
     hangs = np.clip((per_row - _WHITE_ROWS) / (_WRONG_ROWS - _WHITE_ROWS), 0.0, 1.0)
     wrong = hangs * np.where(block_power > noise * (1.0 + by_chance), block_power - noise, 0.0)
-    lasting = np.max(
-        np.broadcast_arrays(power * per_row, steps**2 * _STEPS_LAST_ROWS, wrong * n / _WAYS_TO_BE_WRONG), axis=0
-    )
+    lasting = np.max(np.broadcast_arrays(power * per_row, steps, wrong * n / _WAYS_TO_BE_WRONG), axis=0)
     meat = np.einsum("bcij,bc->ij", found.squares, lasting)
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block

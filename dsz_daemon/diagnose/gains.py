@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, floors
+from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
 from dsz_daemon.diagnose.limits import read_off
@@ -43,6 +43,9 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
             mute[_TAKEN_BY_A_LEAN] = True
         else:
             count[:, _NO_JUDGES.get(effect, [])] = 0.0
+        if effect == "side_wind":
+            # What rounding does to the steering pushes a car over time, too: no formula has it, but a profile may.
+            form = np.hypot(form, drive.steps)
         if effect == "side_wind" and "low_friction" in larger.effects:
             # Where grip ends, what pushes sideways may be the tyres' own curve.
             start_s, end_s = larger.x[moments_of(drive)]
@@ -68,12 +71,12 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
 def quiet(drive: Drive, fit: Fit) -> Bools:
     """Channels (13,) in which no more is left than noise and form leave."""
     power = fit.unseen.sum(axis=0) / np.maximum(fit.sums.counts.sum(axis=0), 1.0)
-    return np.asarray(power < _QUIET * (np.nan_to_num(floors(drive)) ** 2 + fit.form**2))
+    return np.asarray(power < _QUIET * (np.nan_to_num(noises(drive)) ** 2 + fit.form**2))
 
 
 def far_off(drive: Drive, fit: Fit) -> Bools:
     """Channels (13,) of which so much is left, on blocks that no fit has seen, that no error of form would do it."""
-    return np.asarray(_left(fit) > _OFF * np.hypot(np.nan_to_num(floors(drive)), fit.form))
+    return np.asarray(_left(fit) > _OFF * np.hypot(np.nan_to_num(noises(drive)), fit.form))
 
 
 def puts_right(drive: Drive, smaller: Fit, larger: Fit) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import floors
+from dsz_daemon.diagnose.comparison import noises
 from dsz_daemon.diagnose.locate import channel_names
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.search import Search
@@ -22,7 +22,7 @@ def level_of(found: Search) -> dict[str, float]:
     """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
     n = found.best.sums.counts.sum(axis=0)
     rms = np.sqrt((found.best.sums.left * found.best.scatter**2).sum(axis=0) / np.maximum(n, 1.0))
-    expected = np.hypot(floors(found.drive), found.best.form)
+    expected = np.hypot(noises(found.drive), found.best.form)
     names = channel_names(found.drive)
     return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
 
@@ -54,7 +54,7 @@ def doubt(found: Search, unexplained: Collection[str]) -> float:
 
     The usual one, since blocks in which the simulation is wrong by more say less already.
     """
-    names, expected = channel_names(found.drive), np.hypot(floors(found.drive), found.best.form)
+    names, expected = channel_names(found.drive), np.hypot(noises(found.drive), found.best.form)
     channels = [names.index(name) for name in unexplained]
     seen = found.best.sums.counts > 0
     usual = [float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]) for c in channels]

@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, floors, rows_of, sensitivities
+from dsz_daemon.diagnose.comparison import Rows, noises, rows_of, sensitivities
 from dsz_daemon.diagnose.fit import nuisances
 from dsz_daemon.diagnose.prediction import Drive, Floats, drive_of, flat, predicted
-from dsz_daemon.diagnose.recording import DT_S, Recording
+from dsz_daemon.diagnose.recording import DT_S, Recording, filter_kernel, filtered
+from dsz_daemon.diagnose.rounding import rounded_anew
+from dsz_daemon.pipeline.grid import Signal
 
 _LASTS_S = 40.0
 # What a recording has to tell, in log likelihood, and how many rows tell as much as one (those of the low-pass).
@@ -109,11 +111,20 @@ def driven(drive: Drive, manoeuvre: Manoeuvre) -> Drive:
         np.zeros((len(v), 6)),
         drive.recording.floor,
         drive.recording.steering_step_rad,
+        rounding_rad=_rounding_rad(time_s, steer, drive.recording.steering_step_rad),
     )
     made = drive_of(recording, car, drive.steering_ratio, drive.vocabulary)
     made.measured[:] = predicted(made, np.zeros(len(drive.vocabulary.columns)), flat(len(v)))
     made.measured[:, ~np.isfinite(drive.measured).any(axis=0)] = np.nan
     return made
+
+
+def _rounding_rad(time_s: Floats, steer_rad: Floats, step_rad: float) -> Floats | None:
+    """What rounding to such steps may do to the steering (ways, n); None without any."""
+    if step_rad <= 0.0:
+        return None
+    told = Signal((1e9 * time_s).astype(np.int64), steer_rad)
+    return np.array([filtered(one.values, filter_kernel()) for one in rounded_anew(told, step_rad)])
 
 
 def _tells(drive: Drive, x: Floats, effect: str, others: Sequence[str]) -> float:
@@ -132,7 +143,7 @@ def _tells(drive: Drive, x: Floats, effect: str, others: Sequence[str]) -> float
 
 
 def _left_over(drive: Drive, rows: Rows, signature: Floats, slopes: Floats) -> float:
-    scatter = np.hypot(np.nan_to_num(floors(drive)), rows.form)
+    scatter = np.hypot(np.nan_to_num(noises(drive)), rows.form)
     heard = np.where(np.isfinite(scatter) & (scatter > 0.0), 1.0 / np.where(scatter > 0.0, scatter, 1.0), 0.0)
     goal = (signature * heard).ravel()
     table = (slopes * heard[:, np.newaxis]).reshape(len(goal), -1)

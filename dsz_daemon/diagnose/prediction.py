@@ -9,6 +9,7 @@ import numpy as np
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
 from dsz_daemon.diagnose.motion import CarModel, moved
@@ -63,10 +64,14 @@ _AT_LIMIT = 1.05
 _SOFTEST = 0.05
 
 
+_EVERY, _NONE = 4, np.zeros(len(CHANNELS))
+
+
 class Drive(NamedTuple):
     """One recording with the car as configured; `steer`, `wheels`, `measured` (n, 13) are the recording's own.
 
-    `theirs` (n, 13): what the user's simulation has more than the nominal one, taken off `measured`.
+    `theirs` (n, 13): what the user's simulation has more than the nominal one, taken off `measured`. `steps` (13,):
+    what the steering's resolution leaves in each channel, rms, which is the same for `steps_rows` (13,).
     """
 
     car: Car
@@ -78,6 +83,8 @@ class Drive(NamedTuple):
     front_gives_speed: bool
     vocabulary: Vocabulary = BUILT_IN
     theirs: Floats | None = None
+    steps: Floats = _NONE
+    steps_rows: Floats = _NONE
 
 
 class Profiles(NamedTuple):
@@ -109,7 +116,27 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: 
         [recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]], beside]
     )
     measured[:, _ALONG] = filtered(measured[:, _ALONG], _ALONG_KERNEL)
-    return Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary)
+    return _with_steps(Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary))
+
+
+def _with_steps(drive: Drive) -> Drive:
+    """The same with what the car as configured makes of what rounding may have done to the steering."""
+    rounding_rad, level = drive.recording.rounding_rad, flat(len(drive.steer))
+    # As rows are compared: at 25 Hz, while the car rolls.
+    rows = np.flatnonzero(np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS)[::_EVERY]
+    if rounding_rad is None or not len(rows):
+        return drive
+    right, every = (
+        predicted(drive, nothing(drive.vocabulary), level)[rows],
+        np.ones((len(rows), len(CHANNELS)), np.bool_),
+    )
+    power, lasts = np.zeros(len(CHANNELS)), np.zeros(len(CHANNELS))
+    for left_rad in np.nan_to_num(rounding_rad):
+        rounded = drive._replace(steer=drive.steer + left_rad)
+        off = predicted(rounded, nothing(drive.vocabulary), level)[rows] - right
+        power += np.mean(off**2, axis=0) / len(rounding_rad)
+        lasts += correlated_rows(off, every) / len(rounding_rad)
+    return drive._replace(steps=np.sqrt(power), steps_rows=lasts)
 
 
 def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:

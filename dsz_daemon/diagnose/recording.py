@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.flat_tops import FlatTop, flat_top
+from dsz_daemon.diagnose.rounding import rounded_anew
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
@@ -42,7 +43,8 @@ class Recording(NamedTuple):
     configured radius. `floor` (10,) is the standard deviation that white noise of the unfiltered channels leaves, IMU
     channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel. `reference` (n, 4)
     and its floor (4,) are in the order of `REFERENCE`. `piece` (n,) counts recordings, between which `time_s` jumps.
-    `tops`: IMU channels whose readings stand at an end.
+    `tops`: IMU channels whose readings stand at an end. `rounding_rad` (ways, n): what rounding may have done to the
+    steering, as it moves; None where that is not known.
     """
 
     time_s: Floats
@@ -55,6 +57,7 @@ class Recording(NamedTuple):
     reference_floor: Floats | None = None
     piece: Ints | None = None
     tops: tuple[FlatTop, ...] = ()
+    rounding_rad: Floats | None = None
 
 
 def recorded(
@@ -68,10 +71,13 @@ def recorded(
     time_s, piece = _grid(signals, first)
     names = (*IMU_CHANNELS, *WHEEL_SPEEDS)
     raw = {name: _on_grid(signals.get(name), first, time_s) for name in names}
-    steering = _on_grid(signals.get("steering_wheel_angle"), first, time_s) / steering_ratio
-    if "steering_wheel_angle" not in signals:
-        steering = _on_grid(signals.get("road_wheel_angle"), first, time_s)
-    kernel = filter_kernel()
+    by_hand, kernel = "steering_wheel_angle" in signals, filter_kernel()
+    told, ratio = (
+        signals.get("steering_wheel_angle" if by_hand else "road_wheel_angle"),
+        steering_ratio if by_hand else 1.0,
+    )
+    steering, step = _on_grid(told, first, time_s) / ratio, _step(told)
+    rounding = rounded_anew(told, step) if told is not None and step > 0.0 else []
     smooth = {name: filtered(values, kernel) for name, values in raw.items()}
     tops = [_top(c, signals.get(name), first) for c, name in enumerate(IMU_CHANNELS)]
     states, states_floor = on_grid_of(reference or {}, first, time_s) or (None, None)
@@ -81,11 +87,12 @@ def recorded(
         np.column_stack([smooth[name] for name in WHEEL_SPEEDS]),
         np.column_stack([smooth[name] for name in IMU_CHANNELS]),
         np.array([_floor(signals.get(name), kernel) for name in names]),
-        _step(signals.get("steering_wheel_angle")) / steering_ratio or _step(signals.get("road_wheel_angle")),
+        step / ratio,
         states,
         states_floor,
         piece,
         tuple(top for top in tops if top is not None),
+        np.array([filtered(_on_grid(one, first, time_s) / ratio, kernel) for one in rounding]) if rounding else None,
     )
 
 

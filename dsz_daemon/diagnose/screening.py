@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors, sensitivities
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, noises, sensitivities
 from dsz_daemon.diagnose.effects import GUESSED, NUISANCES
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, Box, Sums, gain, held_out, sums
 from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
@@ -33,7 +33,7 @@ def feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
         return False
     if effect == "side_wind" and best.per_row[OWN_CHANNEL[effect]] > _BLOWS_ROWS:
         return True
-    usual = np.hypot(np.nan_to_num(floors(drive)), best.form)
+    usual = np.hypot(np.nan_to_num(noises(drive)), best.form)
     return any(
         float(np.sqrt(np.mean(best.left[rows.used[:, c], c] ** 2))) > _FELT * float(usual[c])
         for c in _SHOWN_IN[effect]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors
-from dsz_daemon.diagnose.evidence import Box, Sums, correlated_rows, gain, held_out, inverse, scatter_of, solved, sums
+from dsz_daemon.diagnose.correlation import correlated_rows
+from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, library, unit_of

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, floors
+from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, noises
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
-from dsz_daemon.diagnose.evidence import LEAST_GAIN, correlated_rows
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
@@ -119,11 +120,11 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) ->
 
 def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
     used = rows.used[:, c]
-    floor = float(np.nan_to_num(floors(drive))[c])
+    noise = float(np.nan_to_num(noises(drive))[c])
     if np.count_nonzero(used) < LEAST_ROWS:
         return None
     left, block = fit.left[used, c], rows.block[used]
-    if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(floor, fit.form[c])):
+    if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(noise, fit.form[c])):
         return None
     coarse = len(left) * fit.form[c] ** 2
     before = _unseen([np.ones(len(left))], left, block) + coarse

@@ -122,7 +122,7 @@ def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monke
 def test_the_level_is_what_is_left_over_noise_and_coarseness(monkeypatch: pytest.MonkeyPatch) -> None:
     counts, left = np.zeros((2, 13)), np.zeros((2, 13))
     counts[:, 3], left[:, 3] = 50.0, 200.0  # twice the scatter of 0.1: 0.2
-    monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
     fit = SimpleNamespace(
         sums=SimpleNamespace(counts=counts, left=left), scatter=np.full((2, 13), 0.1), form=np.full(13, 0.04)
     )
@@ -195,15 +195,26 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
         assert cause.probability == pytest.approx(0.75 if gain == 30.0 else 30.0 / 31.0)
 
 
-@pytest.mark.parametrize(("rms_n", "is_named"), [(20.0, False), (30.0, True)])
-def test_a_breath_of_air_is_no_wind(monkeypatch: pytest.MonkeyPatch, rms_n: float, is_named: bool) -> None:
+# Of 62 000 N/rad a tyre 1e-4 rad are 12.4 N.
+@pytest.mark.parametrize(
+    ("rms_n", "rounding_rad", "is_named"),
+    [(20.0, 0.0, False), (30.0, 0.0, True), (36.0, 1e-4, False), (39.0, 1e-4, True)],
+)
+def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
+    monkeypatch: pytest.MonkeyPatch, rms_n: float, rounding_rad: float, is_named: bool
+) -> None:
     monkeypatch.setattr(answer, "_values", lambda *_: {"rms_n": (rms_n, None)})
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
     monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
-    search: Any = SimpleNamespace(
-        drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}}
+    # Half of the way the car stands, where rounding pushes nothing.
+    drive = SimpleNamespace(
+        vocabulary=BUILT_IN,
+        car=SimpleNamespace(front_cornering_stiffness_n_per_rad=62000.0),
+        wheels=np.repeat([[10.0] * 4, [0.0] * 4], 50, axis=0),
+        recording=SimpleNamespace(rounding_rad=np.array([rounding_rad * np.repeat([1.0, 9.0], 50)])),
     )
+    search: Any = SimpleNamespace(drive=drive, gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}})
     cause = answer._cause(search, "side_wind")
     assert (cause is not None) is is_named
 
@@ -258,7 +269,7 @@ def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least
     scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
     scatter[:, 4] = [0.2, 9.0, 0.45, 0.45]
     scatter[:, 2], counts[0, 2] = [7.0, 0.2, 0.2, 0.6], 0.0
-    monkeypatch.setattr(level, "floors", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
     fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
     search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False))
     assert level.doubt(search, []) == 1.0

@@ -14,9 +14,10 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 from dsz_daemon.diagnose import answer, shape_beside
 from dsz_daemon.diagnose import fit as fit_module
 from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import loss_of
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.evidence import Box, correlated_rows, scatter_of, solved, sums
+from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import _covariance, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
@@ -60,9 +61,10 @@ def test_the_steerings_steps_last_in_the_scatter_of_each_block() -> None:
     table, left = np.zeros((500, 13, 1)), np.zeros((500, 13))
     table[:, 0, 0], left[:, 0] = 1.0, np.tile([1.0, -1.0], 250)
     weighed = sums(some_rows(block), left, table, np.ones(13))
-    steps = np.zeros((20, 13))
-    steps[:, 0] = np.where(np.arange(20) < 10, 2.0, 3.0)
-    [[variance]] = _covariance(weighed, np.ones(13), Box(*np.array([[-1e6], [1e6], [1e-9]])), steps, np.ones((20, 13)))
+    lasting = np.zeros((20, 13))
+    lasting[:, 0] = 250.0 * np.where(np.arange(20) < 10, 4.0, 9.0)
+    box = Box(*np.array([[-1e6], [1e6], [1e-9]]))
+    [[variance]] = _covariance(weighed, np.ones(13), box, lasting, np.ones((20, 13)))
     assert variance == pytest.approx((250.0 * 250.0 * 4.0 + 250.0 * 250.0 * 9.0) / 500.0**2)
 
 

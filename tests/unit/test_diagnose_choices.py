@@ -554,7 +554,8 @@ def test_a_spread_is_no_less_than_what_the_steerings_steps_leave_open() -> None:
     rows = rows_of(one)
     steps = np.zeros(13)
     steps[4] = 0.05
-    fit = fitted(one, rows._replace(steps=steps), nothing(), ("accel_scale",), TOLERANCE)
+    one = one._replace(steps=steps, steps_rows=np.full(13, 250.0))
+    fit = fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE)
     i = INDEX["accel_scale.y"]
     used = rows.used[:, 4]
     across = rows.measured[used, 4]
