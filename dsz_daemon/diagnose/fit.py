@@ -45,6 +45,9 @@ _EFFECT_FORM = 0.03
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
+# And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
+# wheels for four, a message's own few milliseconds.
+_OF_THE_LEAST = 0.25
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
 # drive: it does not average out. Counted on two cars whose equations are others (docs/decisions/0019).
 _WAYS_TO_BE_WRONG = 8
@@ -224,6 +227,8 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     steps = drive.steps_rows * (drive.steps / scatter) ** 2
     covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
+    least = np.array([words.columns[i][1].least for i in columns])
+    std = np.hypot(std, np.where(np.isfinite(least), _OF_THE_LEAST * least, 0.0))
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)

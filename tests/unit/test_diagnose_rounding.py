@@ -124,6 +124,7 @@ def test_a_profile_may_take_what_rounding_does_and_a_formula_does_not() -> None:
     steps[2], steps[4] = 0.002, 0.02
     coarse = one._replace(steps=steps, steps_rows=np.full(13, 50.0))
     assert gained(coarse, plain, scaled) == pytest.approx(gained(one, plain, scaled), rel=0.01)
-    # Of the yaw rate, which judges a wind: what is below the steps is nobody's.
-    off = plain._replace(unseen=plain.unseen + 25.0 * 4.0 * blown.unseen)
-    assert 0.0 < gained(coarse, off, blown) < 0.5 * gained(one, off, blown)
+    # Of the yaw rate, which judges a wind: from ten times its noise of 0.0008 rad/s to that, and to the steps.
+    off = plain._replace(unseen=100.0 * blown.unseen)
+    share = math.log(math.hypot(0.008, 0.002) / math.hypot(0.0008, 0.002)) / math.log(10.0)
+    assert gained(coarse, off, blown) == pytest.approx(share * gained(one, off, blown), rel=0.05)
