@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import OF_ITSELF, OWN_CHANNEL, Fit, values_of
+from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, Fit, values_of
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
@@ -142,9 +142,11 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     if effect == "side_wind":
         least["rms_n"] = _least_wind_n(found.drive)
     surely = found.gains[effect] > _SURE
+    # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
+    judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
     named = [
         abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
-        for name, (value, std) in values.items()
+        for name, (value, std) in judged.items()
         if math.isfinite(least.get(name, math.inf))
     ]
     enough = _TOLD_GAIN * left * (_PROFILE if effect in OWN_CHANNEL else 1.0)

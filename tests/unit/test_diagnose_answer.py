@@ -320,3 +320,26 @@ def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeyp
     assert level.unexplained_of(search, levels) == ["accel_z", "wheel_speed_fl"]
     monkeypatch.setattr(level, "is_its_own", lambda *_: False)
     assert level.unexplained_of(search, levels) == ["accel_y", "accel_z", "wheel_speed_fl"]
+
+
+@pytest.mark.parametrize(("std", "is_named"), [(0.3, True), (0.7, False)])
+def test_a_limit_of_grip_is_told_however_its_curve_bends(
+    monkeypatch: pytest.MonkeyPatch, std: float, is_named: bool
+) -> None:
+    """1.2 +- 0.3 is four spreads off none; over all curves it is +- 1.0."""
+    monkeypatch.setattr(answer, "_values", lambda *_: {"inverse_square": (1.1, 1.0)})
+    monkeypatch.setattr(answer, "values_of", lambda *_: {"inverse_square": (1.2, std), "sharpness": (0.0, 9.0)})
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN), best=None, gains={"tyre_saturation": 66.0}, elsewhere={}
+    )
+    search.elsewhere["tyre_saturation"] = {}
+    cause = answer._cause(search, "tyre_saturation")
+    assert (cause is not None) is is_named
+    if cause is not None:
+        # And it is told with the spread over all curves.
+        friction = cause.parameters["friction_coefficient"]
+        assert friction.value == pytest.approx(1.1**-0.5)
+        assert friction.std == pytest.approx(0.5 * 1.1**-0.5 * 1.0 / 1.1)
