@@ -22,7 +22,7 @@ _ALIKE, _ALIKE_SHARE = 3.0, 0.02
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # An accelerometer's offset that is no more is what data sheets have.
-_MUCH_MPS2 = 0.3
+MUCH_MPS2 = 0.3
 # How much further the front wheels turn has to be told by so many of its spreads; and from so many blocks on.
 _TOLD, _LEAST_BLOCKS = 3.0, 5
 _LEAST_RADIUS = next(p.least for p in BUILT_IN.described("wheel_radius").parameters)
@@ -75,7 +75,7 @@ def same_as_offsets(offsets_mps2: Mapping[str, float]) -> list[SameAsOffset]:
         ("accel_y", "roll_rad", 1.0, "banks all the way by"),
     ):
         value = offsets_mps2.get(f"offset_{channel}", 0.0)
-        if abs(value) < _MUCH_MPS2:
+        if abs(value) < MUCH_MPS2:
             continue
         turn = sign * value / STANDARD_GRAVITY_MPS2
         words = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
-from dsz_daemon.diagnose.aliases import alternatives, same_as_offsets, same_as_slip
+from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
@@ -112,10 +112,15 @@ def _wheel_shapes(found: Search) -> list[Shape]:
 
 def _offsets(found: Search, causes: Sequence[Cause] = ()) -> dict[str, tuple[float, float]]:
     """Each channel's offset and spread, a road that tilts all the way and a turned mount that is no cause included."""
+    turned = "imu_misalignment" in found.best.effects and not any(c.effect == "imu_misalignment" for c in causes)
+    return _offsets_beside(found, turned)
+
+
+def _offsets_beside(found: Search, turned: bool) -> dict[str, tuple[float, float]]:
+    """The same, with what gravity makes of a `turned` mount in them or not."""
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
     bank, grade = _told_road(found)[1]
-    turned = "imu_misalignment" in found.best.effects and not any(c.effect == "imu_misalignment" for c in causes)
     roll, pitch = (found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]] if turned else 0.0 for axis in ("roll", "pitch"))
     for name, tilt_rad in (("offset_accel_x", grade - pitch), ("offset_accel_y", bank + roll)):
         value, std = offsets[name]
@@ -152,6 +157,8 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     enough = _TOLD_GAIN * left * (_PROFILE if effect in OWN_CHANNEL else 1.0)
     if (named and not any(named)) or found.gains[effect] < enough:
         return None
+    if effect == "imu_misalignment" and not surely and _takes_back(found):
+        return None
     units = {p.name: p.unit for p in described.parameters}
     values = {n: v for n, v in values.items() if not math.isinf(least.get(n, 0.0)) or n in {"start_s", "end_s"}}
     values = {
@@ -174,6 +181,18 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         group,
         others,
         _to_drive_next(found, effect, group),
+    )
+
+
+def _takes_back(found: Search) -> bool:
+    """Whether an offset beyond data sheets takes back what gravity makes of a turned mount: then it is no mount."""
+    offsets = _offsets_beside(found, turned=False)
+    roll, pitch = (float(found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]]) for axis in ("roll", "pitch"))
+    of_gravity = {"offset_accel_x": -motion.G * pitch, "offset_accel_y": motion.G * roll}
+    return any(
+        abs(offsets[name][0]) > MUCH_MPS2 and offsets[name][0] * of_gravity[name] < 0.0
+        for name in of_gravity
+        if name in offsets
     )
 
 

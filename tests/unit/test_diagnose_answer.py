@@ -343,3 +343,30 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
         friction = cause.parameters["friction_coefficient"]
         assert friction.value == pytest.approx(1.1**-0.5)
         assert friction.std == pytest.approx(0.5 * 1.1**-0.5 * 1.0 / 1.1)
+
+
+@pytest.mark.parametrize(
+    ("gain", "offset_mps2", "is_named"),
+    [(60.0, 0.32, False), (60.0, 0.25, True), (60.0, -0.32, True), (300.0, 0.32, True)],
+)
+def test_a_mount_that_an_offset_takes_back_is_none(
+    monkeypatch: pytest.MonkeyPatch, gain: float, offset_mps2: float, is_named: bool
+) -> None:
+    """Nose down by 0.1 rad is -0.98 m/s2 of gravity in reading_x."""
+    x = nothing()
+    x[INDEX["imu_misalignment.pitch_rad"]] = 0.1
+    values = {"roll_rad": (0.0, 0.01), "pitch_rad": (0.1, 0.01), "yaw_rad": (0.0, 0.01)}
+    offsets = {"offset_accel_x": (offset_mps2, 0.1), "offset_accel_y": (-0.5, 0.1)}
+    monkeypatch.setattr(answer, "_values", lambda *_: values)
+    monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
+    monkeypatch.setattr(answer, "_told_road", lambda _: (None, (0.0, 0.0)))
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=SimpleNamespace(x=x),
+        gains={"imu_misalignment": gain},
+        elsewhere={"imu_misalignment": {}},
+    )
+    assert (answer._cause(search, "imu_misalignment") is not None) is is_named
