@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsz_daemon.diagnose.angles import SMALL_RAD, atan_of, cos_of, sin_of
-from dsz_daemon.diagnose.instruments import add_offsets, delayed
+from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt
+from dsz_daemon.diagnose.profiles import _slow_part
+from dsz_daemon.diagnose.recording import filter_kernel
 
 # Spacings of double numbers: what two ways to round may differ by.
 LAST_DIGITS = 4.0
@@ -59,3 +61,27 @@ def test_offsets_drift_about_the_middle() -> None:
     reads = np.ones((4, 2))
     add_offsets(reads, np.array([0.5, 0.0]), np.array([0.0, 10.0]), 0.1)
     np.testing.assert_allclose(reads, np.column_stack([np.full(4, 1.5), [-1.0, 0.0, 1.0, 2.0]]))
+
+
+def test_on_a_road_the_vertical_reading_has_the_turn_times_the_speed() -> None:
+    """a_z = g cos cos - q v + p v_y: a bank that grows by p, a climb by -q, a car that goes ahead and aside."""
+    n, dt_s = 200, 0.01
+    time_s = dt_s * np.arange(n)
+    moved = np.zeros((n, 12))
+    moved[:, 0] = 2.0
+    none, level = np.zeros(3), np.eye(3)
+    arguments = (moved, np.full(n, 20.0), np.zeros(n), 0.01 * time_s, 0.03 * time_s)
+    shown = felt(*arguments, none, none, level, np.zeros((3, 3)), level, dt_s)
+    np.testing.assert_allclose(shown[:, 0], 0.01, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 1], -0.03, atol=1e-12)
+    upright = 9.80665 * np.cos(0.01 * time_s) * np.cos(0.03 * time_s)
+    np.testing.assert_allclose(shown[:, 5], upright + 0.03 * 20.0 + 0.01 * 2.0, rtol=1e-9)
+    np.testing.assert_allclose(shown[:, 3], 9.80665 * np.sin(0.03 * time_s), atol=1e-9)
+
+
+def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends() -> None:
+    values = np.random.default_rng(1).normal(size=6000).cumsum()
+    weights = filter_kernel(6.0)
+    reach = len(weights) // 2
+    expected = np.convolve(np.pad(values, reach, mode="symmetric"), weights, mode="valid")
+    np.testing.assert_allclose(_slow_part(values), expected, atol=1e-8)

@@ -349,14 +349,24 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
     ("gain", "offset_mps2", "is_named"),
     [(60.0, 0.32, False), (60.0, 0.25, True), (60.0, -0.32, True), (300.0, 0.32, True)],
 )
+@pytest.mark.parametrize(("angle", "channel", "sign"), [("pitch", "accel_x", 1.0), ("roll", "accel_y", -1.0)])
 def test_a_mount_that_an_offset_takes_back_is_none(
-    monkeypatch: pytest.MonkeyPatch, gain: float, offset_mps2: float, is_named: bool
+    monkeypatch: pytest.MonkeyPatch,
+    gain: float,
+    offset_mps2: float,
+    is_named: bool,
+    angle: str,
+    channel: str,
+    sign: float,
 ) -> None:
-    """Nose down by 0.1 rad is -0.98 m/s2 of gravity in reading_x."""
+    """Nose down by 0.1 rad is -0.98 m/s2 of gravity in reading_x, the left side up by 0.1 rad +0.98 in reading_y."""
     x = nothing()
-    x[INDEX["imu_misalignment.pitch_rad"]] = 0.1
-    values = {"roll_rad": (0.0, 0.01), "pitch_rad": (0.1, 0.01), "yaw_rad": (0.0, 0.01)}
-    offsets = {"offset_accel_x": (offset_mps2, 0.1), "offset_accel_y": (-0.5, 0.1)}
+    x[INDEX[f"imu_misalignment.{angle}_rad"]] = 0.1
+    values = {"roll_rad": (0.0, 0.01), "pitch_rad": (0.0, 0.01), "yaw_rad": (0.0, 0.01)}
+    values[f"{angle}_rad"] = (0.1, 0.01)
+    # Of the other axis, which is not turned, an offset is an offset.
+    offsets = {"offset_accel_x": (0.5, 0.1), "offset_accel_y": (0.5, 0.1)}
+    offsets[f"offset_{channel}"] = (sign * offset_mps2, 0.1)
     monkeypatch.setattr(answer, "_values", lambda *_: values)
     monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
     monkeypatch.setattr(answer, "_told_road", lambda _: (None, (0.0, 0.0)))
