@@ -11,22 +11,23 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import Each, Ints, floors, own_offsets
+from dsz_daemon.diagnose.comparison import Each, Ints, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, Fit, values_of
-from dsz_daemon.diagnose.flexible import flexible_rms
+from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
+from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
-from dsz_daemon.diagnose.locate import channel_names, located
+from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.said import Cause, ChannelFit, Diagnosis, ParameterError, Sides, Value
+from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted
-from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
+from dsz_daemon.diagnose.untested import untested
+from dsz_daemon.signals import IMU_CHANNELS
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
@@ -82,9 +83,9 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
         causes,
         errors,
         shapes,
-        _fit(found),
+        goodness(found),
         level,
-        _untested(found, each),
+        untested(found, each),
         {name: Value(v, s, "rad/s" if "gyro" in name else "m/s2") for name, (v, s) in offsets.items()},
         same_as_offsets({name: v for name, (v, _) in offsets.items()}),
         same_as_slip(found.drive, found.rows) if _names_slip_alone(causes) else [],
@@ -353,55 +354,6 @@ def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
             configured = ratio if key == "steering_ratio" else float(getattr(car, key))
             errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
     return errors
-
-
-def _fit(found: Search) -> dict[str, ChannelFit]:
-    """RMS per channel: nominal with offsets and stiffnesses, and with the causes; on seen and on unseen blocks."""
-    floor, least = floors(found.drive), flexible_rms(found.drive, found.rows, found.best.left)
-
-    def rms(fit: Fit, unseen: bool) -> Floats:
-        n = np.maximum(fit.sums.counts.sum(axis=0), 1.0)
-        total = fit.unseen.sum(axis=0) if unseen else (fit.sums.left * fit.scatter**2).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(total, 0.0) / n), dtype=np.float64)
-
-    seen, unseen = ((rms(found.nominal, side), rms(found.best, side)) for side in (False, True))
-    return {
-        channel: ChannelFit(
-            Sides(float(seen[0][c]), float(seen[1][c])),
-            Sides(float(unseen[0][c]), float(unseen[1][c])),
-            float(floor[c]),
-            float(least[c]) if math.isfinite(least[c]) else None,
-            _unit(channel),
-        )
-        for c, channel in enumerate(channel_names(found.drive))
-        if found.rows.used[:, c].any()
-    }
-
-
-def _unit(channel: str) -> str:
-    if channel in GYRO_CHANNELS or channel.endswith("_radps"):
-        return "rad/s"
-    return "m/s^2" if channel in IMU_CHANNELS else "rad" if channel.endswith("_rad") else "m/s"
-
-
-def _untested(found: Search, each: Each) -> list[dict[str, str]]:
-    """Effects of which a plain size would have shown by less than what is asked of a cause."""
-    words = found.drive.vocabulary
-    known = {*found.best.effects, *NEVER_SCREENED, *_NAMELESS}
-    rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
-    columns = [i for effect in rows for i in words.columns_of(effect.name)]
-    slopes = searching.slopes_of(found, columns, each)
-    heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
-    power: list[float] = np.einsum("kcp,kc->p", slopes**2, heard[found.rows.block]).tolist()
-    untested = []
-    for effect in rows:
-        own = [columns.index(i) for i in words.columns_of(effect.name)]
-        shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
-        if max(shown) < LEAST_GAIN:
-            name = words.columns[columns[own[int(np.argmax(shown))]]][1]
-            why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
-            untested.append({"effect": effect.name, "why": why})
-    return untested
 
 
 def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:

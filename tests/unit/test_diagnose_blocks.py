@@ -11,14 +11,15 @@ import pytest
 from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
-from dsz_daemon.diagnose import answer, shape_beside
 from dsz_daemon.diagnose import fit as fit_module
+from dsz_daemon.diagnose import shape_beside, untested
 from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import loss_of
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import _covariance, fitted
+from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
 
@@ -123,7 +124,7 @@ def test_how_many_rows_count_as_one_is_told_in_the_scatter_of_their_blocks(count
 
 def test_the_fit_that_is_told_is_what_is_left_whatever_weighed_it() -> None:
     search = found(drive({"accel_scale.y": 0.05}, CITY_V, CITY_STEER, change=bumped))
-    told = answer._fit(search)
+    told = goodness(search)
     for c, channel in ((4, "accel_y"), (5, "accel_z")):
         used = search.rows.used[:, c]
         for fit, side in ((search.nominal, told[channel].train.before), (search.best, told[channel].train.after)):
@@ -142,12 +143,12 @@ def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatc
         slopes[50:, 2, columns.index(INDEX["gyro_scale.z"])] = 1.0
         return slopes
 
-    monkeypatch.setattr(answer.searching, "slopes_of", slopes_of)
+    monkeypatch.setattr(untested.searching, "slopes_of", slopes_of)
     best = SimpleNamespace(effects=(), scatter=scatter, per_row=np.ones(13))
     search: Any = SimpleNamespace(drive=SimpleNamespace(vocabulary=BUILT_IN), rows=rows, best=best)
-    untested = {one["effect"] for one in answer._untested(search, map)}
-    assert ("gyro_scale" not in untested) is is_tested
-    assert "accel_scale" in untested
+    told = {one["effect"] for one in untested.untested(search, map)}
+    assert ("gyro_scale" not in told) is is_tested
+    assert "accel_scale" in told
 
 
 def test_the_end_of_a_drive_does_not_meet_its_beginning() -> None:

@@ -1,0 +1,35 @@
+"""What a drive can't test: effects that would hardly show on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsz_daemon.diagnose import search as searching
+from dsz_daemon.diagnose.comparison import Each
+from dsz_daemon.diagnose.effects import NAMELESS
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.screening import NEVER_SCREENED
+from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.unlisted import is_shape
+
+_NAMELESS = frozenset(effect.name for effect in NAMELESS)
+
+
+def untested(found: Search, each: Each) -> list[dict[str, str]]:
+    """Effects of which a plain size would have shown by less than what is asked of a cause."""
+    words = found.drive.vocabulary
+    known = {*found.best.effects, *NEVER_SCREENED, *_NAMELESS}
+    rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
+    columns = [i for effect in rows for i in words.columns_of(effect.name)]
+    slopes = searching.slopes_of(found, columns, each)
+    heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
+    power: list[float] = np.einsum("kcp,kc->p", slopes**2, heard[found.rows.block]).tolist()
+    weak = []
+    for effect in rows:
+        own = [columns.index(i) for i in words.columns_of(effect.name)]
+        shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
+        if max(shown) < LEAST_GAIN:
+            name = words.columns[columns[own[int(np.argmax(shown))]]][1]
+            why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
+            weak.append({"effect": effect.name, "why": why})
+    return weak
