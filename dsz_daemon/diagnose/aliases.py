@@ -106,8 +106,9 @@ def same_as_slip(drive: Drive, rows: Rows) -> list[SameAsSlip]:
     By a regression of the share on what speeds the car up and on what brakes it, each by itself; its spread is that of
     the blocks. In a bend the front wheels go v / cos(delta).
     """
-    at = rows.at[rows.used[:, 6:9].any(axis=1) & (np.mean(drive.wheels, axis=1)[rows.at] > SLOW_MPS)]
     front, rear = (np.mean(drive.wheels[:, axle], axis=1) for axle in (slice(0, 2), slice(2, 4)))
+    # Of wheels that are dead there is no share.
+    at = rows.at[rows.used[:, 6:9].any(axis=1) & (np.minimum(front, rear)[rows.at] > SLOW_MPS)]
     pull_mps2 = rate_of(np.ascontiguousarray(0.5 * (front + rear)), DT_S)[at]
     share = front[at] * np.cos(drive.steer[at]) / rear[at] - 1.0
     blocks, block = np.unique((at * DT_S / BLOCK_S).astype(np.int64), return_inverse=True)

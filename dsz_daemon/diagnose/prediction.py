@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -65,6 +66,8 @@ _SOFTEST = 0.05
 
 
 _EVERY, _NONE = 4, np.zeros(len(CHANNELS))
+# A stable car turns no more than so many times as much as one that steers neutrally, v/L: more is a car that spins.
+_YAW, _MOST_TURNS = 2, 3.0
 
 
 class Drive(NamedTuple):
@@ -119,6 +122,8 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: 
     return _with_steps(Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary))
 
 
+# A car that is unstable as it is configured makes anything of it, which tells nothing.
+@np.errstate(over="ignore", invalid="ignore")
 def _with_steps(drive: Drive) -> Drive:
     """The same with what the car as configured makes of what rounding may have done to the steering."""
     rounding_rad, level = drive.recording.rounding_rad, flat(len(drive.steer))
@@ -136,6 +141,10 @@ def _with_steps(drive: Drive) -> Drive:
         off = predicted(rounded, nothing(drive.vocabulary), level)[rows] - right
         power += np.mean(off**2, axis=0) / len(rounding_rad)
         lasts += correlated_rows(off, every) / len(rounding_rad)
+    speed_mps, left_rad = np.mean(drive.wheels[rows], axis=1), np.nan_to_num(rounding_rad[:, rows])
+    turns = float(np.sqrt(np.mean((speed_mps / drive.car.wheelbase_m * left_rad) ** 2)))
+    if not math.sqrt(power[_YAW]) <= _MOST_TURNS * turns:
+        return drive
     return drive._replace(steps=np.sqrt(power), steps_rows=lasts)
 
 

@@ -128,3 +128,14 @@ def test_a_profile_may_take_what_rounding_does_and_a_formula_does_not() -> None:
     off = plain._replace(unseen=100.0 * blown.unseen)
     share = math.log(math.hypot(0.008, 0.002) / math.hypot(0.0008, 0.002)) / math.log(10.0)
     assert gained(coarse, off, blown) == pytest.approx(share * gained(one, off, blown), rel=0.05)
+
+
+def test_a_car_that_spins_as_it_is_configured_tells_nothing_of_rounding() -> None:
+    spins = TUCSON._replace(rear_cornering_stiffness_n_per_rad=6000.0)
+    e = 2e-4 * np.sin(2.0 * np.pi * T / 20.0)
+    recording = Recording(
+        T, np.zeros(N), np.full((N, 4), V_MPS), np.zeros((N, 6)), np.full(10, 1e-3), rounding_rad=np.array([e])
+    )
+    one = drive_of(recording, spins, 16.0)
+    assert not one.steps.any()
+    assert not one.steps_rows.any()

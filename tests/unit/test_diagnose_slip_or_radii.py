@@ -76,3 +76,9 @@ def test_what_wanders_from_block_to_block_is_told_by_no_more_than_it_wanders() -
 def test_it_is_told_beside_slip_that_is_named_alone(effects: list[str], told: bool) -> None:
     causes: Any = [SimpleNamespace(effect=effect) for effect in effects]
     assert _names_slip_alone(causes) is told
+
+
+def test_of_dead_wheels_nothing_is_told() -> None:
+    one = drive(np.full(N, 0.003))
+    one.wheels[:, 2:] = 0.0
+    assert said(one) == []
