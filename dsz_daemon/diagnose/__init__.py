@@ -19,8 +19,9 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
 from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
+from dsz_daemon.diagnose.drives import against, drive_of
 from dsz_daemon.diagnose.effects import CAR, SENSORS, Effect, Motion, Parameter, vocabulary
-from dsz_daemon.diagnose.prediction import CHANNELS, against, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
 from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.diagnose.search import Search, searched

@@ -7,6 +7,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
+from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats
@@ -61,7 +62,8 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         if i not in smaller.columns and std < 0.1 * (parameters[i][1].high - parameters[i][1].low)
     ]
     before, after = (
-        np.where(count > 0.0, fit.together[kind] if kind else fit.unseen, 0.0) for fit in (smaller, larger)
+        np.where(count > 0.0, (fit.together[kind] if kind else fit.unseen) + count * smoothed_away(drive, fit.x), 0.0)
+        for fit in (smaller, larger)
     )
     found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
     # That readings stand at a limit is seen without any simulation.

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows, noises, rows_of, sensitivities
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.fit import nuisances
-from dsz_daemon.diagnose.prediction import Drive, Floats, drive_of, flat, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording, filter_kernel, filtered
 from dsz_daemon.diagnose.rounding import rounded_anew
 from dsz_daemon.pipeline.grid import Signal

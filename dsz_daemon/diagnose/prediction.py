@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
 from dsz_daemon.diagnose.motion import CarModel, moved
@@ -43,7 +40,7 @@ def _matrix(scale: str, cross: str) -> Ints:
     return np.array([[INDEX[name] for name in row] for row in rows])
 
 
-_ALONG, _ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
+ALONG, ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
 _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
@@ -65,16 +62,15 @@ _AT_LIMIT = 1.05
 _SOFTEST = 0.05
 
 
-_EVERY, _NONE = 4, np.zeros(len(CHANNELS))
-# A stable car turns no more than so many times as much as one that steers neutrally, v/L: more is a car that spins.
-_YAW, _MOST_TURNS = 2, 3.0
+_NONE = np.zeros(len(CHANNELS))
 
 
 class Drive(NamedTuple):
     """One recording with the car as configured; `steer`, `wheels`, `measured` (n, 13) are the recording's own.
 
     `theirs` (n, 13): what the user's simulation has more than the nominal one, taken off `measured`. `steps` (13,):
-    what the steering's resolution leaves in each channel, rms, which is the same for `steps_rows` (13,).
+    what the steering's resolution leaves in each channel, rms, which is the same for `steps_rows` (13,). `noise`
+    (n, 6): what more noise on wheel speeds and steering, as much as they have, does to the IMU's channels.
     """
 
     car: Car
@@ -88,6 +84,7 @@ class Drive(NamedTuple):
     theirs: Floats | None = None
     steps: Floats = _NONE
     steps_rows: Floats = _NONE
+    noise: Floats | None = None
 
 
 class Profiles(NamedTuple):
@@ -105,73 +102,10 @@ class Profiles(NamedTuple):
     lean_share: float = 0.0
 
 
-def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: Vocabulary = BUILT_IN) -> Drive:
-    """A drive; short holes in steering and wheel speeds are bridged for the simulation's sake."""
-    front = car.rear_driven and not car.front_driven
-    steer = _bridged(recording.road_wheel_angle_rad)
-    wheels = np.column_stack([_bridged(recording.wheels_mps[:, i]) for i in range(4)])
-    own, other = ((0, 1), (2, 3)) if front else ((2, 3), (0, 1))
-    raw = recording.wheels_mps
-    beside = recording.reference
-    if beside is None:
-        beside = np.full((len(raw), len(REFERENCE)), np.nan)
-    measured = np.column_stack(
-        [recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]], beside]
-    )
-    measured[:, _ALONG] = filtered(measured[:, _ALONG], _ALONG_KERNEL)
-    return _with_steps(Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary))
-
-
-# A car that is unstable as it is configured makes anything of it, which tells nothing.
-@np.errstate(over="ignore", invalid="ignore")
-def _with_steps(drive: Drive) -> Drive:
-    """The same with what the car as configured makes of what rounding may have done to the steering."""
-    rounding_rad, level = drive.recording.rounding_rad, flat(len(drive.steer))
-    # As rows are compared: at 25 Hz, while the car rolls.
-    rows = np.flatnonzero(np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS)[::_EVERY]
-    if rounding_rad is None or not len(rows):
-        return drive
-    right, every = (
-        predicted(drive, nothing(drive.vocabulary), level)[rows],
-        np.ones((len(rows), len(CHANNELS)), np.bool_),
-    )
-    power, lasts = np.zeros(len(CHANNELS)), np.zeros(len(CHANNELS))
-    for left_rad in np.nan_to_num(rounding_rad):
-        rounded = drive._replace(steer=drive.steer + left_rad)
-        off = predicted(rounded, nothing(drive.vocabulary), level)[rows] - right
-        power += np.mean(off**2, axis=0) / len(rounding_rad)
-        lasts += correlated_rows(off, every) / len(rounding_rad)
-    speed_mps, left_rad = np.mean(drive.wheels[rows], axis=1), np.nan_to_num(rounding_rad[:, rows])
-    turns = float(np.sqrt(np.mean((speed_mps / drive.car.wheelbase_m * left_rad) ** 2)))
-    if not math.sqrt(power[_YAW]) <= _MOST_TURNS * turns:
-        return drive
-    return drive._replace(steps=np.sqrt(power), steps_rows=lasts)
-
-
-def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:
-    """The drive held against the user's simulation: channels (n,) by name, SI; no others are compared.
-
-    What an effect does is the difference that it makes in the nominal simulation.
-    """
-    nominal = predicted(drive, nothing(drive.vocabulary), flat(len(drive.steer)))
-    theirs = np.full_like(nominal, np.nan)
-    for channel, values in simulated.items():
-        c = CHANNELS.index(channel)
-        theirs[:, c] = (filtered(values, _ALONG_KERNEL) if c == _ALONG else values) - nominal[:, c]
-    return drive._replace(measured=drive.measured - theirs, theirs=theirs)
-
-
 def flat(n: int) -> Profiles:
     """The nominal road and air."""
     nothing = np.zeros(n)
     return Profiles(nothing, nothing, nothing, nothing, nothing)
-
-
-def _bridged(values: Floats) -> Floats:
-    known = np.flatnonzero(np.isfinite(values))
-    if len(known) == 0:
-        return np.zeros(len(values))
-    return np.asarray(np.interp(np.arange(len(values)), known, values[known]), dtype=np.float64)
 
 
 def on_road(road: Profiles, x: Floats) -> Profiles:
@@ -323,7 +257,7 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     out = side_by_side(reads, moving.wheels, moving.moved, moving.v_mps, moving.road.grade_rad)
     _clip(drive, x, out)
     _add_own(drive, x, moving, out)
-    out[:, _ALONG] = filtered(out[:, _ALONG], _ALONG_KERNEL)
+    out[:, ALONG] = filtered(out[:, ALONG], ALONG_KERNEL)
     return out
 
 
@@ -381,12 +315,16 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         (_ONES + x[_FORCES_OF_FORCES]) @ turn,
         DT_S,
     )
-    if x[_FOLLOWS] > 0.0:
-        reads = followed(reads, float(x[_FOLLOWS]), DT_S)
-    if x[_LATE] > 0.0:
-        reads = delayed(reads, float(x[_LATE]), DT_S)
+    reads = smoothed(reads, x)
     add_offsets(reads, x[_OFFSETS], x[_DRIFTS], DT_S)
     return reads
+
+
+def smoothed(reads: Floats, x: Floats) -> Floats:
+    """Readings (n, c) of sensors that follow slowly, and are late."""
+    if x[_FOLLOWS] > 0.0:
+        reads = followed(reads, float(x[_FOLLOWS]), DT_S)
+    return delayed(reads, float(x[_LATE]), DT_S) if x[_LATE] > 0.0 else reads
 
 
 def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:

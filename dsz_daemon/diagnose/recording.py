@@ -71,28 +71,31 @@ def recorded(
     time_s, piece = _grid(signals, first)
     names = (*IMU_CHANNELS, *WHEEL_SPEEDS)
     raw = {name: _on_grid(signals.get(name), first, time_s) for name in names}
-    by_hand, kernel = "steering_wheel_angle" in signals, filter_kernel()
+    by_hand, kernels = "steering_wheel_angle" in signals, {name: _kernel_of(signals.get(name)) for name in names}
     told, ratio = (
         signals.get("steering_wheel_angle" if by_hand else "road_wheel_angle"),
         steering_ratio if by_hand else 1.0,
     )
     steering, step = _on_grid(told, first, time_s) / ratio, _step(told)
     rounding = rounded_anew(told, step) if told is not None and step > 0.0 else []
-    smooth = {name: filtered(values, kernel) for name, values in raw.items()}
+    steering_kernel = _kernel_of(told)
+    smooth = {name: filtered(values, kernels[name]) for name, values in raw.items()}
     tops = [_top(c, signals.get(name), first) for c, name in enumerate(IMU_CHANNELS)]
     states, states_floor = on_grid_of(reference or {}, first, time_s) or (None, None)
     return Recording(
         time_s,
-        filtered(steering, kernel),
+        filtered(steering, steering_kernel),
         np.column_stack([smooth[name] for name in WHEEL_SPEEDS]),
         np.column_stack([smooth[name] for name in IMU_CHANNELS]),
-        np.array([_floor(signals.get(name), kernel) for name in names]),
+        np.array([_floor(signals.get(name), kernels[name]) for name in names]),
         step / ratio,
         states,
         states_floor,
         piece,
         tuple(top for top in tops if top is not None),
-        np.array([filtered(_on_grid(one, first, time_s) / ratio, kernel) for one in rounding]) if rounding else None,
+        np.array([filtered(_on_grid(one, first, time_s) / ratio, steering_kernel) for one in rounding])
+        if rounding
+        else None,
     )
 
 
@@ -139,6 +142,18 @@ def filter_kernel(filter_s: float = FILTER_S) -> Floats:
     reach = math.ceil(4.0 * filter_s / DT_S)
     weights = np.exp(-0.5 * (DT_S * np.arange(-reach, reach + 1) / filter_s) ** 2)
     return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+
+def _kernel_of(signal: Signal | None) -> Floats:
+    """The low-pass for a signal, less what joining its samples by straight lines smooths it by.
+
+    Lines weigh the samples by a triangle as wide as two periods, whose variance is a sixth of a period's square: else
+    what comes seldom would be smoother than what comes often, as if a sensor were slow.
+    """
+    if signal is None or len(signal.t_ns) < 2:
+        return filter_kernel()
+    period_s = float(np.median(np.diff(signal.t_ns))) * 1e-9
+    return filter_kernel(math.sqrt(max(FILTER_S**2 - period_s**2 / 6.0, (0.5 * FILTER_S) ** 2)))
 
 
 def filtered(values: Floats, kernel: Floats) -> Floats:

@@ -19,8 +19,9 @@ import detections
 import other_cars
 
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, fitted
-from dsz_daemon.diagnose.prediction import drive_of, nothing
+from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.recording import recorded
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import _Trial

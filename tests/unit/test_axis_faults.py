@@ -9,7 +9,8 @@ import pytest
 
 from dsz_daemon.diagnose.axis_faults import KINDS, AxisFault, Wiring, found_faults, mended, wiring_of
 from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.prediction import drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.drives import drive_of
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted
 from dsz_daemon.diagnose.recording import recorded
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.pipeline.grid import Signal

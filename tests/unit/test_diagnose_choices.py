@@ -15,6 +15,7 @@ from dsz_daemon.diagnose import fit as fitting
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import gain
 from dsz_daemon.diagnose.fit import Slopes, exactly, fitted, values_of
@@ -25,7 +26,7 @@ from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.search import Search, Step, _judged, _Trial, gained, searched
 from dsz_daemon.diagnose.starts import starts_of

@@ -12,10 +12,11 @@ from test_diagnose_choices import drive as scattered
 from test_diagnose_prediction import RATIO, N, T, drive
 
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import inverse_of_told
 from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import Drive, Profiles, drive_of, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import Recording
 

@@ -13,6 +13,7 @@ from scipy.signal import firwin, lfilter
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import profiles
 from dsz_daemon.diagnose import recording as recordings
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
     COLUMNS,
@@ -27,7 +28,7 @@ from dsz_daemon.diagnose.effects import (
     vocabulary,
 )
 from dsz_daemon.diagnose.instruments import followed
-from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, drive_of, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
 from dsz_daemon.diagnose.rolling import free_of

@@ -12,7 +12,8 @@ from core_cases import TUCSON
 from dsz_daemon.diagnose.aliases import same_as_slip
 from dsz_daemon.diagnose.answer import _names_slip_alone
 from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.prediction import Drive, drive_of
+from dsz_daemon.diagnose.drives import drive_of
+from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.recording import DT_S, Recording
 
 N = 9000

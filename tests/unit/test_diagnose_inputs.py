@@ -1,0 +1,122 @@
+"""diagnose: noise of the inputs that is in every prediction, and what smooths it; slow messages are no slow sensors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.inputs import smoothed_away
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S, FILTER_S, recorded
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
+
+N, RATIO, NOISE_MPS = 6000, 16.0, 0.05
+T = DT_S * np.arange(N)
+T_NS = (1e9 * T).astype(np.int64)
+INSIDE = slice(200, -200)
+TOLERANCE = {"front_cornering_stiffness_n_per_rad": 0.1, "rear_cornering_stiffness_n_per_rad": 0.1}
+
+
+def noisy(seed: int | None, *, rear: float = 1.0, wheels_mps: float = 15.0) -> Drive:
+    """A city's bends and speeds, with noise on each wheel."""
+    rng = np.random.default_rng(0 if seed is None else seed)
+    speed = wheels_mps + 0.2 * wheels_mps * np.sin(0.3 * T)
+    white = np.zeros((4, N)) if seed is None else NOISE_MPS * rng.standard_normal((4, N))
+    signals = {wheel: Signal(T_NS, speed + one) for wheel, one in zip(WHEEL_SPEEDS, white, strict=True)}
+    signals["steering_wheel_angle"] = Signal(T_NS, 0.8 * np.sin(0.5 * T))
+    signals |= {name: Signal(T_NS, np.zeros(N)) for name in IMU_CHANNELS}
+    car = TUCSON._replace(rear_cornering_stiffness_n_per_rad=rear * TUCSON.rear_cornering_stiffness_n_per_rad)
+    return drive_of(recorded(signals, RATIO), car, RATIO)
+
+
+def with_(**changed: float) -> np.ndarray:
+    x = nothing()
+    for name, value in changed.items():
+        x[INDEX[name.replace("__", ".")]] = value
+    return x
+
+
+@pytest.mark.parametrize("slow_s", [0.08, 0.2])
+def test_what_a_slow_sensor_takes_off_is_what_it_takes_off_other_noise(slow_s: float) -> None:
+    """Counted on a prediction with noise less the same one without."""
+    clean, one = noisy(None), noisy(3)
+    slow = with_(sensor_bandwidth__time_constant_s=slow_s)
+    power = [np.var((predicted(one, x, flat(N)) - predicted(clean, x, flat(N)))[INSIDE, 3]) for x in (nothing(), slow)]
+    found = smoothed_away(one, slow)
+    assert power[0] > 1.2 * power[1]
+    assert found[3] == pytest.approx(power[0] - power[1], rel=0.2)
+    assert not found[6:].any()
+
+
+def test_what_is_late_has_as_much_noise_as_before() -> None:
+    one = noisy(3)
+    slow, late = (
+        smoothed_away(one, with_(**{name: 0.06}))[3]
+        for name in ("sensor_bandwidth__time_constant_s", "imu_delay__delay_s")
+    )
+    assert abs(late) < 0.05 * slow
+    assert not smoothed_away(one, nothing()).any()
+    nothing_is_noise = smoothed_away(noisy(None), with_(sensor_bandwidth__time_constant_s=0.06))
+    assert abs(nothing_is_noise[3]) < 1e-3 * slow
+
+
+def test_a_car_that_spins_or_stands_tells_nothing_of_noise() -> None:
+    assert noisy(3).noise is not None
+    assert noisy(3, rear=0.1, wheels_mps=30.0).noise is None
+    assert noisy(None, wheels_mps=0.0).noise is None
+
+
+def test_less_noise_is_no_gain() -> None:
+    """An IMU that shows what a noisy simulation shows, but for noise of its own: a slow one would leave less."""
+    clean, one = noisy(None), noisy(3)
+    at = predicted(clean, nothing(), flat(N))
+    rng = np.random.default_rng(8)
+    shown = at + 0.01 * rng.standard_normal(at.shape)
+    one = one._replace(measured=np.where(np.isfinite(one.measured), shown, np.nan))
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    slow = fitted(one, rows, with_(sensor_bandwidth__time_constant_s=0.05), ("sensor_bandwidth",), TOLERANCE)
+    x = slow.x.copy()
+    x[INDEX["sensor_bandwidth.time_constant_s"]] = 0.05
+    taken = smoothed_away(one, x)
+    assert taken[3] > 0.0
+    before = gained(one._replace(noise=None), plain, slow._replace(x=x))
+    assert gained(one, plain, slow._replace(x=x)) < before
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.08])
+def test_what_comes_seldom_is_no_smoother_than_what_comes_often(period_s: float) -> None:
+    """A wave of 1.5 Hz: lines between samples 50 ms apart would take 2 % off it."""
+    hz = 1.5
+    at_s = np.arange(0.0, 60.0, period_s)
+    seldom = Signal((1e9 * at_s).astype(np.int64), np.sin(2.0 * np.pi * hz * at_s))
+    often = Signal(T_NS, np.sin(2.0 * np.pi * hz * T))
+    signals = dict.fromkeys(WHEEL_SPEEDS, often) | {"gyro_z": seldom, "gyro_x": often}
+    signals |= {"steering_wheel_angle": Signal(seldom.t_ns, RATIO * seldom.values)}
+    found = recorded(signals, RATIO)
+    left = math.exp(-0.5 * (2.0 * np.pi * hz * FILTER_S) ** 2)
+
+    def amplitude(values: np.ndarray) -> float:
+        return float(np.sqrt(2.0 * np.mean(values[INSIDE] ** 2)))
+
+    for values in (found.imu[:, 0], found.imu[:, 2], found.road_wheel_angle_rad):
+        assert amplitude(values) == pytest.approx(left, rel=4e-3)
+    assert math.sin(math.pi * hz * 0.05) ** 2 / (math.pi * hz * 0.05) ** 2 < 0.982
+
+
+def test_what_comes_five_times_a_second_is_smoothed_all_the_same() -> None:
+    at_s = np.arange(0.0, 60.0, 0.2)
+    signals = {"gyro_z": Signal((1e9 * at_s).astype(np.int64), np.where(at_s > 30.0, 1.0, 0.0))}
+    signals |= {name: Signal(T_NS, np.ones(N)) for name in WHEEL_SPEEDS}
+    found = recorded(signals, RATIO).imu[INSIDE, 2]
+    # Between two samples a line, and no corner.
+    assert np.max(np.abs(np.diff(found, 2))) < 0.5 * DT_S / 0.2
