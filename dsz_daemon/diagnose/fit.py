@@ -33,6 +33,7 @@ from dsz_daemon.diagnose.evidence import (
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -232,6 +233,11 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
+    if "bias_drift" in effects:
+        slow = slope_of_slow_noise(rows, left, per_row, _IMU)
+        for i, more in zip(words.columns_of("bias_drift"), slow.tolist(), strict=True):
+            if i in columns:
+                std[columns.index(i)] = math.hypot(std[columns.index(i)], more)
     for i in limits_read_off(drive, x) if "sensor_saturation" in effects else ():
         # Readings tell it to the last digit, but for what the filter makes of short tops.
         std[columns.index(i)] = OF_ITSELF * x[i]

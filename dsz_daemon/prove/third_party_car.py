@@ -1,7 +1,8 @@
 """The third party's car as a recording: sensors, road and CAN coding of the simulated car on another's mechanics.
 
 Its body leans and dives, load goes from wheel to wheel, wheels slip and tyres bend: what the nominal simulation leaves
-out of it at any time is `BY_CONSTRUCTION`. The IMU is at the sprung mass's C.G.
+out of it at any time is `BY_CONSTRUCTION`. The IMU is at the sprung mass's C.G., mounted
+level on the car at rest (ISO 8855), as all that a mount is told against.
 """
 
 from __future__ import annotations
@@ -51,7 +52,10 @@ _WANDER_RAD, _WANDER_S = 0.012, 0.4
 
 
 class _Course(NamedTuple):
-    """What happens at each step: the model's states and their rates (n, 29), front wheels' angle (n,), road, wind."""
+    """What happens at each step: the model's states and their rates (n, 29), front wheels' angle (n,), road, wind.
+
+    `resting_rad`: its body's pitch at rest, nose up, against which the IMU is level.
+    """
 
     states: Array
     changes: Array
@@ -59,6 +63,7 @@ class _Course(NamedTuple):
     bank_rad: Array
     grade_rad: Array
     wind_n: Array
+    resting_rad: float = 0.0
 
 
 def simulated(
@@ -157,7 +162,8 @@ def _driven(p: Any, world: World, hand_rad: Array, speed_mps: Array, way_m: Arra
         *(model.as_numbers(p), -wheels_rad, speed_mps, model.G * np.sin(grade), model.G * np.sin(bank), -wind_n),
         car.steering_compliance_rad_per_n,
     )
-    return _Course(states, changes, -steer, bank, grade, wind_n)
+    resting_rad = model.resting_rad(model.as_numbers(p))
+    return _Course(states, changes, -steer, bank, grade, wind_n, resting_rad)
 
 
 def _columns(course: _Course, world: World, time_s: Array, hand_rad: Array, p: Any) -> Columns:
@@ -188,14 +194,14 @@ def _columns(course: _Course, world: World, time_s: Array, hand_rad: Array, p: A
         "road_grade_up_rad": course.grade_rad,
         "side_wind_n": course.wind_n,
         "roll_rad": states[:, model.ROLL].copy(),
-        "pitch_rad": -states[:, model.PITCH],
+        "pitch_rad": _pitch(course),
     }
 
 
 def _felt(course: _Course, ax: Array, ay: Array, az: Array, turn: Array) -> tuple[Array, Array]:
     """Rates and specific force (n, 3) of the sprung mass along its own axes."""
     states = course.states
-    roll, pitch = states[:, model.ROLL], -states[:, model.PITCH]
+    roll, pitch = states[:, model.ROLL], _pitch(course)
     bank, grade = course.bank_rad, course.grade_rad
     # The road's frame tilts under the car, and turns with it.
     tilting = np.column_stack(
@@ -217,6 +223,11 @@ def _felt(course: _Course, ax: Array, ay: Array, az: Array, turn: Array) -> tupl
     )
     own[:, 2] = states[:, model.PITCH_RATE] * np.sin(roll)
     return _in_body(turning + tilting, roll, pitch) + own, _in_body(force, roll, pitch)
+
+
+def _pitch(course: _Course) -> Array:
+    """The body's (n,), nose down, against the car at rest."""
+    return np.asarray(course.resting_rad - course.states[:, model.PITCH])
 
 
 def _in_body(vectors: Array, roll: Array, pitch: Array) -> Array:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 G = 9.81
 STEP_S = 0.001
+# Its body comes to rest within this, at this speed.
+_SETTLED_S, _SLOW_MPS = 5.0, 5.0
 STATES = 29
 # Of the states, as the package counts them.
 STEER, ALONG, YAW_RATE, ROLL, ROLL_RATE, PITCH, PITCH_RATE, ACROSS, SINKING = 2, 3, 5, 6, 7, 8, 9, 10, 12
@@ -171,3 +173,10 @@ def courses(
         start, hand_rad, speed_mps, accel, uphill_mps2, right_mps2, wind_n, soft_rad_per_n, numbers
     )
     return found
+
+
+def resting_rad(numbers: Any) -> float:
+    """The body's pitch, nose up, of a car that rolls straight ahead: its springs don't hold it quite level."""
+    one = np.ones(round(_SETTLED_S / STEP_S))
+    states, _, _ = courses(numbers, 0.0 * one, _SLOW_MPS * one, 0.0 * one, 0.0 * one, 0.0 * one, 0.0)
+    return float(states[-1, PITCH])

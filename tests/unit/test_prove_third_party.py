@@ -129,6 +129,18 @@ def test_a_leaning_body_reads_gravity_along_its_axes() -> None:
     assert force == pytest.approx([model.G * math.sin(pitch), 0.0, model.G * math.cos(pitch)])
 
 
+def test_an_imu_is_level_on_the_car_at_rest() -> None:
+    """Its springs hold that body with the nose down by 0.1 degrees; a mount is told against what is level then."""
+    resting_rad = model.resting_rad(model.as_numbers(model.bmw_320i()))
+    assert -0.003 < resting_rad < -0.001
+    _, force = felt(course(PITCH=resting_rad)._replace(resting_rad=resting_rad))
+    assert force == pytest.approx([0.0, 0.0, model.G])
+    straight = simulated(Way((Leg(400.0, 5.0),), 0.0, 5.0), 3, 20.0, (), QUIET).truth
+    late = straight["time_s"] > 10.0
+    assert abs(float(np.mean(straight["pitch_rad"][late]))) < 1e-4
+    assert abs(float(np.mean(straight["accel_x_mps2"][late]))) < 2e-3
+
+
 def test_a_banked_and_a_climbing_road_are_read_too() -> None:
     still = course()
     bank, grade = np.full(5, 0.05), np.full(5, 0.04)
