@@ -15,7 +15,7 @@ from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, FILTER_S, recorded
+from dsz_daemon.diagnose.recording import DT_S, FILTER_S, Recording, recorded
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
@@ -73,6 +73,38 @@ def test_a_car_that_spins_or_stands_tells_nothing_of_noise() -> None:
     assert noisy(3).noise is not None
     assert noisy(3, rear=0.1, wheels_mps=30.0).noise is None
     assert noisy(None, wheels_mps=0.0).noise is None
+
+
+def test_a_steerings_steps_are_noise_too() -> None:
+    """Wheels without noise and a hand in steps of two degrees: the yaw rate has what rounding does to it."""
+    step = math.radians(2.0)
+    speed, hand = np.full(N, 15.0), 0.8 * np.sin(0.5 * T)
+    signals = {wheel: Signal(T_NS, speed) for wheel in WHEEL_SPEEDS}
+    signals |= {name: Signal(T_NS, np.zeros(N)) for name in IMU_CHANNELS}
+    coarse = Signal(T_NS, step * np.round(hand / step))
+    one = drive_of(recorded(signals | {"steering_wheel_angle": coarse}, RATIO), TUCSON, RATIO)
+    assert one.noise is not None
+    # One of the ways in which steps may begin.
+    assert 0.2 * one.steps[2] < np.std(one.noise[INSIDE, 2]) < 1.5 * one.steps[2]
+
+
+@pytest.mark.parametrize(("times", "is_told"), [(2.0, True), (4.5, False)])
+def test_a_car_that_turns_much_more_than_a_neutral_one_tells_nothing(times: float, is_told: bool) -> None:
+    """Close to the speed at which it spins a car turns 1/(1 - (v/v_c)^2) as much."""
+    v = 15.0
+    lf, lr = TUCSON.cg_to_front_axle_m, TUCSON.cg_to_rear_axle_m
+    # With this softness in the rear, over a front axle as it is: K v^2 / L = 1/times - 1.
+    front = lr / TUCSON.front_cornering_stiffness_n_per_rad
+    softness = (1.0 / times - 1.0) * (lf + lr) ** 2 / (0.5 * TUCSON.mass_kg * v**2)
+    rear = lf / (front - softness)
+    car = TUCSON._replace(rear_cornering_stiffness_n_per_rad=rear)
+    e = 2e-4 * np.sin(2.0 * np.pi * T / 30.0)
+    recording = Recording(
+        T, np.zeros(N), np.full((N, 4), v), np.zeros((N, 6)), np.zeros(10), rounding_rad=np.array([e, -e, e, -e])
+    )
+    one = drive_of(recording, car, RATIO)
+    assert bool(one.steps.any()) is is_told
+    assert (one.noise is not None) is is_told
 
 
 def test_less_noise_is_no_gain() -> None:

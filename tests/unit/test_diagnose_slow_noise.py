@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import EVERY, Rows
+from dsz_daemon.diagnose.comparison import EVERY, Rows, rows_of
+from dsz_daemon.diagnose.fit import fitted, values_of
+from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 
@@ -42,13 +45,15 @@ def test_slow_noise_makes_slopes_of_that_spread(power: float, low: float, high: 
     assert low < ratio < high
 
 
-def test_white_noise_is_not_slow() -> None:
+@pytest.mark.parametrize("hangs", [1, 5, 20])
+def test_noise_that_hangs_together_for_some_rows_is_not_slow(hangs: int) -> None:
     rng, told, slopes = np.random.default_rng(5), [], []
-    for _ in range(60):
-        left = rng.standard_normal((K, 13))
-        slopes.append(np.polyfit(T, left[:, 0], 1)[0])
-        told.append(slope_of_slow_noise(rows(), left, np.ones(13), 1)[0])
-    assert np.mean(np.square(told)) < 2.0 * np.mean(np.square(slopes))
+    for _ in range(100):
+        one = np.convolve(rng.standard_normal(K), np.ones(hangs), "same")
+        slopes.append(np.polyfit(T, one, 1)[0])
+        left = np.tile(one[:, np.newaxis], (1, 13))
+        told.append(slope_of_slow_noise(rows(), left, np.full(13, float(hangs)), 1)[0])
+    assert np.mean(np.square(told)) < 1.7 * np.mean(np.square(slopes))
 
 
 def test_a_channel_that_is_not_there_has_none() -> None:
@@ -59,3 +64,19 @@ def test_a_channel_that_is_not_there_has_none() -> None:
     assert found[1] == 0.0
     assert found[0] > 0.0
     assert found.shape == (6,)
+
+
+def test_a_drift_beside_slow_noise_is_told_less_surely() -> None:
+    """Three half waves of 0.002 rad/s in the roll gyro; the pitch gyro has none."""
+    plain = drive({"bias_drift.gyro_x": 2e-5, "bias_drift.gyro_y": 2e-5}, CITY_V, CITY_STEER)
+    n = len(plain.steer)
+    slow = plain.measured.copy()
+    slow[:, 0] += 0.002 * np.cos(3.0 * np.pi * np.arange(n) / n)
+    spreads = []
+    for one in (plain, plain._replace(measured=slow)):
+        fit = fitted(one, rows_of(one), nothing(), ("bias_drift",), TOLERANCE)
+        spreads.append({name: std for name, (_, std) in values_of(one, fit, "bias_drift").items()})
+    lasts_s = DT_S * n
+    assert spreads[1]["gyro_x"] > 0.8 * np.pi**2 / 4.0 * np.sqrt(3.0 / 4.0) * 0.002 / lasts_s
+    assert spreads[0]["gyro_x"] < 0.3 * spreads[1]["gyro_x"]
+    assert spreads[1]["gyro_y"] < 1.2 * spreads[0]["gyro_y"]
