@@ -12,13 +12,12 @@ import math
 import numpy as np
 
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import EVERY
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Ints, flat, nothing, predicted, smoothed
 from dsz_daemon.diagnose.recording import filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS
 
-# As rows are compared: at 25 Hz.
-_EVERY = 4
 # A stable car turns no more than so many times as much as one that steers neutrally, v/L: more is a car that spins.
 _YAW, _MOST_TURNS = 2, 3.0
 _IMU = len(IMU_CHANNELS)
@@ -85,4 +84,4 @@ def smoothed_away(drive: Drive, x: Floats) -> Floats:
 
 def rolling_rows(drive: Drive) -> Ints:
     """Every row that is compared while the car rolls."""
-    return np.flatnonzero(np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS)[::_EVERY]
+    return np.flatnonzero(np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS)[::EVERY]

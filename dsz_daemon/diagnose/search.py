@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
-from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, TOLERATED, vocabulary
+from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
@@ -48,7 +48,7 @@ _MOST_STEPS = 12
 # So little may a step still take off what is left of a model that others are compared with.
 _WELL = 2e-5
 # What has no name has to explain so much more than what has one.
-_SURELY = 1.05
+_SURELY, _NAMELESS = 1.05, frozenset(effect.name for effect in NAMELESS)
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
 # Moments are moved and all is fitted again, until they stay where they are.
@@ -288,14 +288,14 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 def _rank(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], float]:
     """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
 
-    A profile fits nearly anything, and has to gain more than what has few parameters.
+    A profile fits nearly anything, and has to gain more than what has few parameters; what has no name, than what has.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
-        return (0.8 if step.effect in OWN_CHANNEL else 1.0) * alike
+        return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / _SURELY if step.effect in _NAMELESS else 1.0)
 
     return rank
 

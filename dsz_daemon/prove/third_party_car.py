@@ -1,8 +1,8 @@
 """The third party's car as a recording: sensors, road and CAN coding of the simulated car on another's mechanics.
 
 Its body leans and dives, load goes from wheel to wheel, wheels slip and tyres bend: what the nominal simulation leaves
-out of it at any time is `BY_CONSTRUCTION`. The IMU is at the sprung mass's C.G., mounted
-level on the car at rest (ISO 8855), as all that a mount is told against.
+out of it at any time is `BY_CONSTRUCTION`. The IMU is at the sprung mass's C.G., level on the
+car at rest (ISO 8855), which is what a mount is told against.
 """
 
 from __future__ import annotations

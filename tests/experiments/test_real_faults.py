@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+
 import pytest
 import real_faults
+
+from dsz_daemon.runs.diagnose import Beside, diagnose
 
 WITHOUT = {"road_grade", "wheel_slip"}
 
@@ -23,3 +28,20 @@ def test_a_fault_in_a_real_recording_is_named(fault: str, cause: str, may: set[s
     causes, shapes, _, _ = real_faults.said(fault)
     assert set(causes) - may == WITHOUT | {cause}
     assert shapes == []
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not real_faults.DATA.is_dir(), reason="the real recordings are not beside the project")
+def test_a_reference_of_speed_tells_the_wheels_common_factor(tmp_path: Path) -> None:
+    """Of that car's wheels it is 1.0097, by a smoother of GNSS, INS and vision (`data/README.md`)."""
+    folder, speed = real_faults.DATA, tmp_path / "speed.csv"
+    with (folder / "reference.csv").open() as file, speed.open("w", newline="") as out:
+        only = csv.DictWriter(out, ["time_s", "speed_mps"], extrasaction="ignore")
+        only.writeheader()
+        only.writerows(csv.DictReader(file))
+    config = real_faults.CONFIG
+    found = diagnose([folder / "recording.log"], config, tmp_path / "out", beside=Beside(reference=speed))
+    causes = {cause["effect"]: cause["parameters"] for cause in found["causes"]}
+    assert set(causes) == WITHOUT | {"wheel_radius"}
+    for value in causes["wheel_radius"].values():
+        assert value["value"] == pytest.approx(1.0097, abs=1e-3)

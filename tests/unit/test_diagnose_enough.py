@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt, by_the_lean
 from dsz_daemon.diagnose.screening import feels, screened
-from dsz_daemon.diagnose.search import Step, _enough_first, _rivals, _Trial, _two_at_once, _without_trifles
+from dsz_daemon.diagnose.search import Step, _enough_first, _rank, _rivals, _Trial, _two_at_once, _without_trifles
 from dsz_daemon.diagnose.starts import starts_of
 
 YAW, ACROSS = 2, 4
@@ -356,3 +356,17 @@ def test_two_that_hide_each_other_are_both_named() -> None:
     assert search.best.x[INDEX["sensor_bandwidth.time_constant_s"]] == pytest.approx(0.08, rel=0.05)
     assert search.best.x[INDEX["steering_delay.delay_s"]] == pytest.approx(0.08, rel=0.05)
     assert set(search.elsewhere) == set(search.rivals) == set(search.gains) == set(search.best.effects)
+
+
+def test_what_has_no_name_has_to_gain_a_twentieth_more_than_what_has() -> None:
+    """One fit under three names: a wheel's radius, its square, which has none, and a profile."""
+    scaled = drive({"accel_scale.y": 0.05}, CITY_V, CITY_STEER)
+    rows = rows_of(scaled)
+    before = fitted(scaled, rows, nothing(), (), TOLERANCE)
+    fit = fitted(scaled, rows, before.x, ("accel_scale",), TOLERANCE)
+    gain = gained(scaled, before, fit)
+    tried = [Step(name, gain, fit) for name in ("wheel_radius", "wheel_square", "road_bank")]
+    named, nameless, profile = (_rank(scaled, before, tried)(step) for step in tried)
+    assert gain > 100.0
+    assert nameless == pytest.approx(named / 1.05)
+    assert profile == pytest.approx(0.8 * named)

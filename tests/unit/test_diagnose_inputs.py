@@ -125,7 +125,7 @@ def test_less_noise_is_no_gain() -> None:
     assert gained(one, plain, slow._replace(x=x)) < before
 
 
-@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.08])
+@pytest.mark.parametrize("period_s", [0.03, 0.05, 0.08])
 def test_what_comes_seldom_is_no_smoother_than_what_comes_often(period_s: float) -> None:
     """A wave of 1.5 Hz: lines between samples 50 ms apart would take 2 % off it."""
     hz = 1.5
@@ -142,7 +142,6 @@ def test_what_comes_seldom_is_no_smoother_than_what_comes_often(period_s: float)
 
     for values in (found.imu[:, 0], found.imu[:, 2], found.road_wheel_angle_rad):
         assert amplitude(values) == pytest.approx(left, rel=4e-3)
-    assert math.sin(math.pi * hz * 0.05) ** 2 / (math.pi * hz * 0.05) ** 2 < 0.982
 
 
 def test_what_comes_five_times_a_second_is_smoothed_all_the_same() -> None:

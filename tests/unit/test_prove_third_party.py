@@ -130,7 +130,7 @@ def test_a_leaning_body_reads_gravity_along_its_axes() -> None:
 
 
 def test_an_imu_is_level_on_the_car_at_rest() -> None:
-    """Its springs hold that body with the nose down by 0.1 degrees; a mount is told against what is level then."""
+    """Its springs hold that body with the nose down by 0.07 degrees; a mount is told against what is level then."""
     resting_rad = model.resting_rad(model.as_numbers(model.bmw_320i()))
     assert -0.003 < resting_rad < -0.001
     _, force = felt(course(PITCH=resting_rad)._replace(resting_rad=resting_rad))
