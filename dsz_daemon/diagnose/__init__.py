@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.core.parameters import Car
+from dsz_daemon.diagnose.another_car import with_own_numbers
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
 from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
@@ -99,7 +100,8 @@ def diagnose(
             )
         drive = against(drive, theirs)
     found = searched(drive, rows_of(drive), tolerance, say, each)
-    return Diagnosed(answered(found, faults, each), found)
+    found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
+    return Diagnosed(answered(found, faults, each, by_numbers), found)
 
 
 def _require(signals: Mapping[str, Signal]) -> None:

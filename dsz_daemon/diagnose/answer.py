@@ -64,8 +64,8 @@ _BEYOND = {
 }
 
 
-def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) -> Diagnosis:
-    """What is said of a search, after the faults that were mended before it."""
+def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, by_numbers: float = 0.0) -> Diagnosis:
+    """What is said of a search, after faults that were mended; `by_numbers`: what the car's numbers gain over names."""
     level = level_of(found)
     unexplained = unexplained_of(found, level)
     errors = _parameter_errors(found, each)
@@ -73,7 +73,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map) 
     left = doubt(found, unexplained)
     causes = [cause for effect in named if (cause := _cause(found, effect, left)) is not None]
     causes.sort(key=lambda cause: -cause.gain)
-    causes = [*(_fault(fault) for fault in faults), *causes]
+    causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
     shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
     said = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
@@ -231,6 +231,27 @@ def _fault(fault: AxisFault) -> Cause:
         [],
         None,
     )
+
+
+def _another_car(errors: Sequence[ParameterError], gain: float) -> list[Cause]:
+    """A configuration that is another car's, if its numbers gain so much over names of what is left out."""
+    if gain <= 0.0 or not errors:
+        return []
+    words = ", ".join(f"{error.parameter} {error.fitted:.4g} instead of {error.configured:.4g}" for error in errors)
+    return [
+        Cause(
+            "configuration",
+            gain / (gain + _EVEN_ODDS_GAIN),
+            f"The car is not the one that is configured: {words} (of forces and inertia their share of the mass)",
+            {e.parameter: Value(e.fitted / e.configured, e.std / e.configured, "1") for e in errors},
+            "m, I_z, l_f, l_r, C_f, C_r of (1), ratio, v = v_x -+ r track / 2",
+            gain,
+            {},
+            [],
+            [],
+            None,
+        )
+    ]
 
 
 def _values(found: Search, effect: str) -> Told:

@@ -70,7 +70,7 @@ def _cause(cause: Mapping[str, Any]) -> str:
     statement = statement.rstrip(".").replace("m/s2", "m/s²")
     rivals = [words(told(name)) for name in cause.get("indistinguishable_from") or ()]
     doubt = f" (or {listed(rivals)}: this recording can't tell)" if rivals else ""
-    if cause.get("effect") == "axis_fault":
+    if cause.get("effect") in {"axis_fault", "configuration"}:
         return f"The recording or its configuration has a fault that is no physics: {statement}{doubt}"
     return f"The simulation leaves out that {statement}{doubt}"
 

@@ -26,7 +26,10 @@ from dsz_daemon.runs.diagnose import diagnose
 
 _SECONDS = 150.0
 # What a configuration says of a car.
-CONFIGURED = {"mass_loading", "cornering_stiffness", "steering_ratio", "wheel_radius", "track_width", "imu_lever_arm"}
+CONFIGURED = {"configuration", "mass_loading", "cornering_stiffness", "steering_ratio", "wheel_radius"} | {
+    "track_width",
+    "imu_lever_arm",
+}
 
 
 def lost(folder: Path, seed: int) -> None:

@@ -1,0 +1,74 @@
+"""Whether a configuration is another car's: many of its numbers off at once are one mistake, and no physics.
+
+Ratio, tracks, axles, stiffness and inertia that are all another car's are told one name at a time by a search for
+causes, and what is left is told as sensors that are as much too weak. With all numbers free at once they need no names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dsz_daemon.diagnose.aliases import SAME_TURN
+from dsz_daemon.diagnose.comparison import Each
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.search import Progress, Search, searched
+
+# Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
+NUMBERS = frozenset({"steering_ratio", "track_width"}) | SAME_TURN
+_PLACE = "imu_lever_arm"
+# How far apart two cars are, as shares. Forces and inertia count by the mass, which no drive tells: it stays.
+ROOM = {
+    "front_cornering_stiffness_n_per_rad": 0.6,
+    "rear_cornering_stiffness_n_per_rad": 0.6,
+    "yaw_inertia_kgm2": 0.6,
+    "cg_to_front_axle_m": 0.5,
+    "cg_to_rear_axle_m": 0.5,
+    "steering_ratio": 0.5,
+    "front_track_m": 0.3,
+    "rear_track_m": 0.3,
+}
+# Numbers that take no name's place have to gain so much of what names did.
+_SHARE = 0.05
+
+
+def with_own_numbers(
+    drive: Drive, found: Search, tolerance: Mapping[str, float], say: Progress | None = None, each: Each = map
+) -> tuple[Search, float]:
+    """The search anew with all numbers of the car free, and what these gain over names; else `found`, and 0.
+
+    They are free where names leave much that numbers explain, or where one that is no number gains nothing beside them.
+    `nominal` stays that of what is configured.
+    """
+    names = set(found.best.effects)
+    if len(names) < 2 or not names & NUMBERS:
+        return found, 0.0
+    room = {name: max(most, tolerance.get(name, 0.0)) for name, most in ROOM.items()}
+
+    def free(effects: set[str], each: Each = map) -> Fit:
+        best = found.best
+        start = best.x.copy()
+        start[[i for effect in names - effects for i in found.drive.vocabulary.columns_of(effect)]] = 0.0
+        kept = tuple(effect for effect in best.effects if effect in effects)
+        return fitted(found.drive, found.rows, start, kept, room, each=each, felt=best.felt)
+
+    beside = names - NUMBERS
+    with_names = free(beside, each)
+    gain = gained(found.drive, found.best, with_names)
+
+    def is_idle(name: str) -> bool:
+        return gained(found.drive, free(beside - {name}), with_names) < 0.0
+
+    enough = max(LEAST_GAIN, _SHARE * sum(found.gains.values()))
+    if gain < enough and not any(each(is_idle, sorted(beside - {_PLACE}))):
+        return found, 0.0
+    if say is not None:
+        say("all numbers of the car at once explain more than names do")
+    anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
+    more = np.zeros(len(anew.nominal.x) - len(drive.vocabulary.columns))
+    nominal = found.nominal._replace(x=np.append(found.nominal.x[: len(drive.vocabulary.columns)], more))
+    return anew._replace(nominal=nominal), max(gain, LEAST_GAIN)
