@@ -12,6 +12,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.aliases import SAME_TURN
 from dsz_daemon.diagnose.comparison import Each
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained
@@ -39,7 +40,7 @@ _SHARE = 0.05
 def with_own_numbers(
     drive: Drive, found: Search, tolerance: Mapping[str, float], say: Progress | None = None, each: Each = map
 ) -> tuple[Search, float]:
-    """The search anew with all numbers of the car free, and what these gain over names; else `found`, and 0.
+    """The search anew with all numbers of the car free, and what these gain in it; else `found`, and 0.
 
     They are free where names leave much that numbers explain, or where one that is no number gains nothing beside them.
     `nominal` stays that of what is configured.
@@ -69,6 +70,11 @@ def with_own_numbers(
     if say is not None:
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
-    more = np.zeros(len(anew.nominal.x) - len(drive.vocabulary.columns))
-    nominal = found.nominal._replace(x=np.append(found.nominal.x[: len(drive.vocabulary.columns)], more))
-    return anew._replace(nominal=nominal), max(gain, LEAST_GAIN)
+    start = anew.best.x.copy()
+    start[[INDEX[name] for name in room]] = 0.0
+    held = fitted(anew.drive, anew.rows, start, anew.best.effects, tolerance, each=each, felt=anew.best.felt)
+    # What of a shape is in the vocabulary of another search is no column of this one.
+    built_in = len(drive.vocabulary.columns)
+    nominal = np.zeros(len(anew.nominal.x))
+    nominal[:built_in] = found.nominal.x[:built_in]
+    return anew._replace(nominal=found.nominal._replace(x=nominal)), gained(anew.drive, held, anew.best)

@@ -55,8 +55,10 @@ def shown_as(effect: str, parameter: str, si_unit: str) -> Shown:
 
     >>> shown_as("imu_delay", "delay_s", "s").unit.label, shown_as("wheel_radius", "fl", "1").nothing
     ('ms', 1.0)
+    >>> shown_as("configuration", "cg_to_rear_axle_m", "1").unit.label
+    '% more than configured'
     """
-    if (effect, parameter) in _OVER_CONFIGURED:
+    if (effect, parameter) in _OVER_CONFIGURED or effect == "configuration":
         return Shown(Unit("% more than configured", 100.0), 1.0)
     if si_unit == "1" and effect in _SHARES:
         return Shown(_PERCENT)

@@ -23,6 +23,8 @@ _CONFIGURED = {
     "front_track_m": "the front track",
     "rear_track_m": "the rear track",
 }
+# Of the recording or its configuration, no physics.
+_FAULTS = {"axis_fault", "configuration"}
 _INTEGRATED = {"road_bank": "gyro_x", "road_grade": "gyro_y"}
 # Less than this and the fit on unseen data is as it was.
 _BETTER = 1.05
@@ -70,14 +72,14 @@ def _cause(cause: Mapping[str, Any]) -> str:
     statement = statement.rstrip(".").replace("m/s2", "m/s²")
     rivals = [words(told(name)) for name in cause.get("indistinguishable_from") or ()]
     doubt = f" (or {listed(rivals)}: this recording can't tell)" if rivals else ""
-    if cause.get("effect") in {"axis_fault", "configuration"}:
+    if cause.get("effect") in _FAULTS:
         return f"The recording or its configuration has a fault that is no physics: {statement}{doubt}"
     return f"The simulation leaves out that {statement}{doubt}"
 
 
 def _gain(result: Mapping[str, Any], causes: Sequence[Mapping[str, Any]]) -> str:
     others = len(causes) - 1
-    more = "with that mended" if causes[0].get("effect") == "axis_fault" else "with it"
+    more = "with that mended" if causes[0].get("effect") in _FAULTS else "with it"
     if others:
         more += " and one more cause" if others == 1 else f" and {others} more causes"
     best = best_gain(result)

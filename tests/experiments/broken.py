@@ -3,8 +3,8 @@
     python tests/experiments/broken.py [--seed 500] [--cars 10] [--jobs 2]
 
 Recordings of `other_cars.py`: every twentieth frame lost, the IMU's frames in any order, another car's configuration.
-Of the last, what is to be said are numbers of the car: mass, stiffness, ratio, radii, tracks, and where the IMU is
-from the C.G. that is configured.
+Of the last, what is to be said is that, or numbers of the car: mass, stiffness, ratio, radii, tracks, and where the
+IMU is from the C.G. that is configured.
 """
 
 from __future__ import annotations
@@ -26,10 +26,8 @@ from dsz_daemon.runs.diagnose import diagnose
 
 _SECONDS = 150.0
 # What a configuration says of a car.
-CONFIGURED = {"configuration", "mass_loading", "cornering_stiffness", "steering_ratio", "wheel_radius"} | {
-    "track_width",
-    "imu_lever_arm",
-}
+CONFIGURED = {"configuration", "mass_loading", "cornering_stiffness", "steering_ratio", "track_width"}
+CONFIGURED |= {"wheel_radius", "imu_lever_arm"}
 
 
 def lost(folder: Path, seed: int) -> None:
