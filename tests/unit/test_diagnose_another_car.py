@@ -15,30 +15,32 @@ from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.search import searched
 
-# Shares by which a car is another than the one that is configured: shorter behind the C.G., and so on.
+# Shares by which a car is another than the one that is configured: longer, wider, steered less directly.
 ANOTHER = {
-    "cg_to_rear_axle_m": -0.2,
-    "cg_to_front_axle_m": 0.1,
-    "steering_ratio": 0.12,
-    "front_track_m": 0.06,
-    "rear_track_m": -0.05,
-    "yaw_inertia_kgm2": -0.2,
-    "front_cornering_stiffness_n_per_rad": -0.15,
-    "rear_cornering_stiffness_n_per_rad": 0.2,
+    "cg_to_rear_axle_m": 0.3,
+    "cg_to_front_axle_m": 0.2,
+    "steering_ratio": 0.37,
+    "front_track_m": 0.05,
+    "rear_track_m": 0.06,
+    "yaw_inertia_kgm2": 0.3,
+    "front_cornering_stiffness_n_per_rad": 0.1,
+    "rear_cornering_stiffness_n_per_rad": 0.1,
 }
 
 
 def test_another_cars_numbers_are_told_and_need_no_names() -> None:
     one, said = drive(ANOTHER, CITY_V, CITY_STEER), list[str]()
     names = searched(one, rows_of(one), TOLERANCE)
-    assert len(names.best.effects) > 1
+    assert "accel_scale" in names.best.effects
     found, gain = with_own_numbers(one, names, TOLERANCE, said.append)
     assert any("all numbers of the car" in words for words in said)
     assert gain > 100.0
     assert found.best.effects == ()
     for name, share in ANOTHER.items():
         at = INDEX[name]
-        assert found.best.x[at] == pytest.approx(share, abs=max(4.0 * found.best.std[found.best.columns.index(at)], 0.01))
+        assert found.best.x[at] == pytest.approx(
+            share, abs=max(4.0 * found.best.std[found.best.columns.index(at)], 0.01)
+        )
 
     # What is said is one cause, and each number; what it is held against is what is configured.
     told = answered(found, by_numbers=gain)
@@ -46,12 +48,13 @@ def test_another_cars_numbers_are_told_and_need_no_names() -> None:
     [cause] = told.causes
     assert (cause.effect, cause.gain) == ("configuration", gain)
     errors = {error.parameter: error.fitted / error.configured for error in told.parameter_errors}
-    assert set(errors) == set(ANOTHER)
+    # The rear tyres' stiffness is no more off than this drive tells.
+    assert set(ANOTHER) - {"rear_cornering_stiffness_n_per_rad"} <= set(errors) <= set(ANOTHER)
     for name, value in cause.parameters.items():
         assert value.value == pytest.approx(1.0 + ANOTHER[name], abs=0.05)
         assert errors[name] == value.value
         assert name in cause.statement
-    np.testing.assert_array_equal(found.nominal.x, names.nominal.x)
+    np.testing.assert_array_equal(found.nominal.x, names.nominal.x[: len(found.nominal.x)])
     fit = told.fit["accel_y"].held_out
     assert fit.before > 2.0 * fit.after
 
@@ -83,12 +86,11 @@ def test_a_sensor_that_is_named_in_the_place_of_numbers_has_to_go() -> None:
     """Names that fit as well as numbers: another car's axles as a ratio, an IMU's place, and sensors too weak."""
     one = drive(ANOTHER, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    best = with_own_numbers(one, searched(one, rows, TOLERANCE), TOLERANCE)[0].best
+    told, _ = with_own_numbers(one, searched(one, rows, TOLERANCE), TOLERANCE)
     idle = ("steering_ratio", "accel_scale")
-    crowded = searched(one, rows, TOLERANCE)
-    # As well as numbers and more: no number can gain a twentieth of that.
-    fit = another_car.fitted(one, rows, best.x, idle, TOLERANCE | ROOM)
-    crowded = crowded._replace(best=fit, gains=dict.fromkeys(idle, 1e6))
+    fit = another_car.fitted(one, rows, told.best.x, idle, TOLERANCE | ROOM)
+    # As well as numbers, and they gained so much that no number can gain a twentieth of it.
+    crowded = told._replace(best=fit, gains=dict.fromkeys(idle, 1e6))
     found, gain = with_own_numbers(one, crowded, TOLERANCE)
     assert found.best.effects == ()
     assert math.isfinite(gain)
