@@ -13,7 +13,8 @@ from dsz_daemon.diagnose.another_car import ROOM, with_own_numbers
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.search import Search, searched
 
 # Shares by which a car is another than the one that is configured: longer, wider, steered less directly.
 ANOTHER = {
@@ -47,12 +48,14 @@ def test_another_cars_numbers_are_told_and_need_no_names() -> None:
     assert told.verdict == "explained"
     [cause] = told.causes
     assert (cause.effect, cause.gain) == ("configuration", gain)
+    assert answered(found).causes == []
     errors = {error.parameter: error.fitted / error.configured for error in told.parameter_errors}
+    spreads = {error.parameter: error.std / error.configured for error in told.parameter_errors}
     # The rear tyres' stiffness is no more off than this drive tells.
     assert set(ANOTHER) - {"rear_cornering_stiffness_n_per_rad"} <= set(errors) <= set(ANOTHER)
     for name, value in cause.parameters.items():
         assert value.value == pytest.approx(1.0 + ANOTHER[name], abs=0.05)
-        assert errors[name] == value.value
+        assert (value.value, value.std) == (errors[name], spreads[name])
         assert name in cause.statement
     np.testing.assert_array_equal(found.nominal.x, names.nominal.x[: len(found.nominal.x)])
     fit = told.fit["accel_y"].held_out
@@ -95,3 +98,53 @@ def test_a_sensor_that_is_named_in_the_place_of_numbers_has_to_go() -> None:
     assert found.best.effects == ()
     assert math.isfinite(gain)
     assert gain > 100.0
+
+
+@pytest.mark.parametrize(
+    ("effects", "gain", "of", "idle", "anew"),
+    [
+        (("track_width", "accel_scale"), 0.0, 1000.0, {"accel_scale"}, True),
+        (("track_width", "accel_scale"), 0.0, 1000.0, set(), False),
+        (("track_width", "imu_lever_arm"), 0.0, 1000.0, {"imu_lever_arm"}, False),
+        (("steering_ratio", "imu_lever_arm"), 51.0, 1000.0, set(), True),
+        (("steering_ratio", "imu_lever_arm"), 49.0, 1000.0, set(), False),
+        (("mass_loading", "steering_compliance"), 9.0, 20.0, set(), False),
+        (("mass_loading", "steering_compliance"), 11.0, 20.0, set(), True),
+    ],
+)
+def test_numbers_are_free_where_they_explain_more_or_a_sensor_is_idle(
+    effects: tuple[str, ...],
+    gain: float,
+    of: float,
+    idle: set[str],
+    anew: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The rule by itself, of gains that are given: a twentieth, 10 at least, and where an IMU is counts as a number."""
+    one = drive({}, CITY_V, CITY_STEER)
+    found = searched(one, rows_of(one), TOLERANCE)
+    found = found._replace(best=found.best._replace(effects=effects), gains=dict.fromkeys(effects, of / len(effects)))
+    rooms: list[dict[str, float]] = []
+
+    def fit(
+        _drive: object, _rows: object, _start: object, kept: tuple[str, ...], *_args: object, **_more: object
+    ) -> Fit:
+        return found.best._replace(effects=kept)
+
+    def gained(_drive: object, smaller: Fit, larger: Fit) -> float:
+        if smaller is found.best:
+            return gain
+        gone = set(larger.effects) - set(smaller.effects)
+        return -1.0 if gone and gone <= idle else 30.0
+
+    def search(_drive: object, _rows: object, room: dict[str, float], *_args: object) -> Search:
+        rooms.append(room)
+        return found
+
+    for name, instead in (("fitted", fit), ("gained", gained), ("searched", search)):
+        monkeypatch.setattr(another_car, name, instead)
+    tolerance = {"front_cornering_stiffness_n_per_rad": 0.1, "yaw_inertia_kgm2": 0.9, "mass_kg": 0.05}
+    _, by_numbers = with_own_numbers(one, found, tolerance)
+    assert (len(rooms), by_numbers > 0.0) == ((1, True) if anew else (0, False))
+    for room in rooms:
+        assert room == {**ROOM, "yaw_inertia_kgm2": 0.9, "mass_kg": 0.05}
