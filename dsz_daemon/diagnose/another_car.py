@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.aliases import SAME_TURN
+from dsz_daemon.diagnose.answer import parameter_errors
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
@@ -70,6 +71,10 @@ def with_own_numbers(
     if say is not None:
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
+    # Of a ratio and of axles that come to the same on a drive none is told: then names say more.
+    errors = parameter_errors(anew, each)
+    if not any(abs(e.fitted / e.configured - 1.0) > tolerance.get(e.parameter, 0.0) for e in errors):
+        return found, 0.0
     start = anew.best.x.copy()
     start[[INDEX[name] for name in room]] = 0.0
     held = fitted(anew.drive, anew.rows, start, anew.best.effects, tolerance, each=each, felt=anew.best.felt)

@@ -68,7 +68,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     """What is said of a search, after faults that were mended; `by_numbers`: what the car's numbers gain over names."""
     level = level_of(found)
     unexplained = unexplained_of(found, level)
-    errors = _parameter_errors(found, each)
+    errors = parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
     left = doubt(found, unexplained)
     causes = [cause for effect in named if (cause := _cause(found, effect, left)) is not None]
@@ -357,7 +357,7 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
     return told, units
 
 
-def _parameter_errors(found: Search, each: Each) -> list[ParameterError]:
+def parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
     beyond = [effect for effect in _BEYOND if effect in found.best.effects]
     least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))

@@ -113,7 +113,7 @@ def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monke
     )
     drive = SimpleNamespace(car=car, steering_ratio=16.0)
     search: Any = SimpleNamespace(drive=drive, best=SimpleNamespace(effects=()), gains={})
-    error, mass = answer._parameter_errors(search, map)
+    error, mass = answer.parameter_errors(search, map)
     assert mass[:3] == ("mass_kg", 1500.0, pytest.approx(1530.0))
     assert error.parameter == "front_cornering_stiffness_n_per_rad"
     assert (error.configured, error.fitted, error.std) == pytest.approx((50_000.0, 46_000.0, 500.0))
@@ -259,7 +259,7 @@ def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.
     )
     for gain, expected in ((0.0, ["front_track_m"]), (50.0, ["front_cornering_stiffness_n_per_rad", "front_track_m"])):
         monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_, gain=gain: gain)
-        assert [error.parameter for error in answer._parameter_errors(search, map)] == expected
+        assert [error.parameter for error in answer.parameter_errors(search, map)] == expected
 
 
 def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least(
