@@ -123,8 +123,8 @@ def main() -> None:
             configured = sum(bool(told or CONFIGURED & set(named)) for named, _, told, _ in answers)
             verdicts = sorted({verdict for _, _, _, verdict in answers})
             counts = ", ".join(f"{verdict} {sum(v == verdict for _, _, _, v in answers)}" for verdict in verdicts)
-            named = f"{len(wrong)} of {len(answers)}{': ' if wrong else ''}{'; '.join(wrong)}"
-            print(f"| {how} | {named} | {', '.join(shapes) or '-'} | {configured} | {counts} |", flush=True)
+            words = f"{len(wrong)} of {len(answers)}{': ' if wrong else ''}{'; '.join(wrong)}"
+            print(f"| {how} | {words} | {', '.join(shapes) or '-'} | {configured} | {counts} |", flush=True)
 
 
 if __name__ == "__main__":
