@@ -237,12 +237,12 @@ def _another_car(errors: Sequence[ParameterError], gain: float) -> list[Cause]:
     """A configuration that is another car's, if its numbers gain so much over names of what is left out."""
     if gain <= 0.0 or not errors:
         return []
-    words = ", ".join(f"{error.parameter} {error.fitted:.4g} instead of {error.configured:.4g}" for error in errors)
+    words = ", ".join(f"{error.parameter} by {error.fitted / error.configured - 1.0:+.1%}" for error in errors)
     return [
         Cause(
             "configuration",
             gain / (gain + _EVEN_ODDS_GAIN),
-            f"The car is not the one that is configured: {words} (of forces and inertia their share of the mass)",
+            f"The car is not the one that is configured: off are {words} (forces and inertia by the mass)",
             {e.parameter: Value(e.fitted / e.configured, e.std / e.configured, "1") for e in errors},
             "m, I_z, l_f, l_r, C_f, C_r of (1), ratio, v = v_x -+ r track / 2",
             gain,

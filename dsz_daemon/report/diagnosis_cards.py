@@ -20,6 +20,7 @@ from dsz_daemon.report.diagnosis_units import (
     unit_text,
     with_interval,
 )
+from dsz_daemon.report.diagnosis_words import CONFIGURED
 from dsz_daemon.report.display import NOTHING, PLUS_MINUS, SPREADS_95, percent, words
 from dsz_daemon.report.markup import element
 from dsz_daemon.report.results import mapping
@@ -75,6 +76,8 @@ def _parameter_words(name: str) -> str:
     known = {"rad_per_n": "give per force", "per_rad": "growth with hand wheel angle"}
     if name in known:
         return known[name]
+    if name in CONFIGURED:
+        return CONFIGURED[name]
     for ending in ("_rad_per_mps2", "_rad_per_n", "_mps2", "_radps", "_rad", "_kg", "_hz", "_m", "_s", "_n"):
         if name.endswith(ending) and name != ending:
             return words(name.removesuffix(ending))

@@ -12,7 +12,7 @@ from dsz_daemon.report.diagnosis_units import entries, listed, real, significant
 from dsz_daemon.report.display import MINUS, words
 from dsz_daemon.report.results import mapping
 
-_CONFIGURED = {
+CONFIGURED = {
     "front_cornering_stiffness_n_per_rad": "the front tyres' cornering stiffness",
     "rear_cornering_stiffness_n_per_rad": "the rear tyres' cornering stiffness",
     "mass_kg": "the mass",
@@ -61,7 +61,7 @@ def best_gain(result: Mapping[str, Any]) -> tuple[str, float, float] | None:
 
 def parameter_words(parameter: str) -> str:
     """A configured parameter as it is spoken of."""
-    return _CONFIGURED.get(parameter, words(parameter))
+    return CONFIGURED.get(parameter, words(parameter))
 
 
 def _cause(cause: Mapping[str, Any]) -> str:

@@ -56,7 +56,7 @@ def test_another_cars_numbers_are_told_and_need_no_names() -> None:
     for name, value in cause.parameters.items():
         assert value.value == pytest.approx(1.0 + ANOTHER[name], abs=0.05)
         assert (value.value, value.std) == (errors[name], spreads[name])
-        assert name in cause.statement
+        assert f"{name} by {100.0 * (errors[name] - 1.0):+.1f}%" in cause.statement
     np.testing.assert_array_equal(found.nominal.x, names.nominal.x[: len(found.nominal.x)])
     fit = told.fit["accel_y"].held_out
     assert fit.before > 2.0 * fit.after

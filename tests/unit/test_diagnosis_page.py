@@ -210,6 +210,15 @@ def test_an_axis_fault_is_not_called_physics(tmp_path: Path) -> None:
     assert ["kind", "reversed"] in page.rows
 
 
+def test_another_cars_configuration_is_not_called_physics(tmp_path: Path) -> None:
+    parameters = {"cg_to_rear_axle_m": {"value": 0.8, "std": 0.01, "unit": "1"}}
+    fault = cause("configuration", statement="The car is not the one that is configured", parameters=parameters)
+    page = taken_apart(tmp_path, diagnosis(causes=[fault]), drive(20.0))
+    assert "a fault that is no physics: the car is not the one that is configured; with that mended," in page.text
+    [row] = [row for row in page.rows if row[0] == "from the C.G. to the rear axle"]
+    assert row[1:3] == ["% more than configured", "−20.0"]
+
+
 def test_consistent_is_said_calmly_with_one_simulation_and_lower_pictures(tmp_path: Path) -> None:
     calm = {"verdict": "consistent", "causes": [], "unlisted": [], "located": []}
     page = taken_apart(tmp_path, diagnosis(**calm, parameter_errors=[]), drive())
