@@ -6,6 +6,7 @@ turned by what each step shows, and taken again where no step gets further or wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -58,15 +59,30 @@ class Slope(NamedTuple):
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
         road = felt(x)
         moving = driven(self.drive, x, road)
-        return self._leant(x, felt, road, moving, shown(self.drive, x, moving))
+        here = self._as_it_leans(x, felt, road, shown(self.drive, x, moving))
+        return self._leant(here, moving, here.scatter, math.inf)
 
-    def _leant(self, x: Floats, felt: Felt, road: Profiles, moving: Moving, base: Floats) -> Place:
-        leaning = felt.leaning(x, moving, base)
-        if leaning is not felt:
-            felt, road = leaning, leaning(x)
-            base = predicted(self.drive, x, road)
+    def _as_it_leans(self, x: Floats, felt: Felt, road: Profiles, base: Floats) -> Place:
         left = residual(self.rows, base)
         return Place(x, felt, road, base, left, scatter_of(self.rows, left, self.floor))
+
+    def _leant(self, here: Place, moving: Moving, scatter: Floats, most: float) -> Place:
+        """The same parameters with the body's lean to what is left now, or as far as no more than `most` is lost by it.
+
+        On a bank that is felt by the roll gyro a body's lean makes another bank of the same readings, and that leaves
+        another acceleration to lean to: round by round it may go further and further the other way.
+        """
+        share = 1.0
+        while share > _RESTS:
+            felt = here.felt.leaning(here.x, moving, here.base, share)
+            if felt is here.felt:
+                break
+            road = felt(here.x)
+            there = self._as_it_leans(here.x, felt, road, predicted(self.drive, here.x, road))
+            if loss_of(there.left, self.rows, scatter) <= most:
+                return there
+            share *= 0.4
+        return here
 
     def step(self, here: Place, slopes: Floats) -> tuple[Place, Floats, Floats] | None:
         """The next place, the step (p,) to it and the change (k, 13) that it made; None where it only goes up."""
@@ -82,7 +98,8 @@ class Slope(NamedTuple):
             base = shown(self.drive, x, moving)
             left = residual(self.rows, base)
             if loss_of(left, self.rows, here.scatter) < before:
-                return self._leant(x, here.felt, road, moving, base), share * step, here.left - left
+                unleant = self._as_it_leans(x, here.felt, road, base)
+                return self._leant(unleant, moving, here.scatter, before), share * step, here.left - left
             share *= 0.4
         return None
 

@@ -108,7 +108,7 @@ class Felt:
             return self._is_tilted_twice
         return self.is_tilted and effect in _TURN_THE_GYROS
 
-    def leaning(self, x: Floats, moving: Moving, base: Floats) -> Felt:
+    def leaning(self, x: Floats, moving: Moving, base: Floats, share: float = 1.0) -> Felt:
         """The same with a body that leans to forces, too, that are in no simulation.
 
         They are what the lateral accelerometer has left over of what is predicted, `base` (n, 13), for these parameters
@@ -118,8 +118,11 @@ class Felt:
         if x[_LEANS] == 0.0 or (_WIND in self._effects and by_the_lean(self._start)):
             return self
         found = copy(self)
-        found._left_mps2, found._lean_share = _left_over(self._drive, base)
-        found._tyres_mps2 = np.clip(np.nan_to_num(moving.moved[:, motion.LEANS]), -_MOST_MPS2, _MOST_MPS2)
+        left_mps2, lean_share = _left_over(self._drive, base)
+        tyres_mps2 = np.clip(np.nan_to_num(moving.moved[:, motion.LEANS]), -_MOST_MPS2, _MOST_MPS2)
+        found._left_mps2 = self._left_mps2 + share * (left_mps2 - self._left_mps2)
+        found._tyres_mps2 = self._tyres_mps2 + share * (tyres_mps2 - self._tyres_mps2)
+        found._lean_share = self._lean_share + share * (lean_share - self._lean_share)
         return found
 
     def _tilted(self, road: Profiles, x: Floats) -> Profiles:
