@@ -18,6 +18,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.smooth_roads import bends, bends_per_lean, roughness
 
 _ROUNDS = 20
 # By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
@@ -31,7 +32,10 @@ _STILL = 1e-9
 
 
 class Place(NamedTuple):
-    """Parameters, the road that is felt for them, what is predicted there and left (k, 13), each block's scatter."""
+    """Parameters, the road that is felt for them, what is predicted there and left (k, 13), each block's scatter.
+
+    `bent`: by how much roads bend (rows, roads) of which the body's lean is to be told.
+    """
 
     x: Floats
     felt: Felt
@@ -39,12 +43,23 @@ class Place(NamedTuple):
     base: Floats
     left: Floats
     scatter: Floats
+    bent: Floats
+
+
+class Step(NamedTuple):
+    """The next place, the step (p,) to it, the change (k, 13) that it made, and what that took off what is left."""
+
+    there: Place
+    step: Floats
+    change: Floats
+    gone: float
 
 
 class Slope(NamedTuple):
     """What a descent works with: the fitted `columns`, their `sizes` (p,), inf for what is linear anyway.
 
-    `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters.
+    `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters; `roads`: those
+    in the model with their lean.
     """
 
     drive: Drive
@@ -54,20 +69,22 @@ class Slope(NamedTuple):
     sizes: Floats
     taken: Callable[[Place], Floats]
     box: Callable[[Floats], Box]
+    roads: tuple[str, ...] = ()
 
     def place(self, x: Floats, felt: Felt) -> Place:
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
         road = felt(x)
         moving = driven(self.drive, x, road)
         here = self._as_it_leans(x, felt, road, shown(self.drive, x, moving))
-        return self._leant(here, moving, here.scatter, math.inf)
+        return self._leant(here, moving, here, math.inf)
 
     def _as_it_leans(self, x: Floats, felt: Felt, road: Profiles, base: Floats) -> Place:
         left = residual(self.rows, base)
-        return Place(x, felt, road, base, left, scatter_of(self.rows, left, self.floor))
+        bent = bends(self.drive, road, x, self.roads)
+        return Place(x, felt, road, base, left, scatter_of(self.rows, left, self.floor), bent)
 
-    def _leant(self, here: Place, moving: Moving, scatter: Floats, most: float) -> Place:
-        """The same parameters with the body's lean to what is left now, or as far as no more than `most` is lost by it.
+    def _leant(self, here: Place, moving: Moving, before: Place, most: float) -> Place:
+        """The same parameters with the body's lean to what is left now, or as far as no more than `most` is left by it.
 
         On a bank that is felt by the roll gyro a body's lean makes another bank of the same readings, and that leaves
         another acceleration to lean to: round by round it may go further and further the other way.
@@ -79,27 +96,36 @@ class Slope(NamedTuple):
                 break
             road = felt(here.x)
             there = self._as_it_leans(here.x, felt, road, predicted(self.drive, here.x, road))
-            if loss_of(there.left, self.rows, scatter) <= most:
+            if self.loss(before, there.left, there.bent) <= most:
                 return there
             share *= 0.4
         return here
 
-    def step(self, here: Place, slopes: Floats) -> tuple[Place, Floats, Floats] | None:
-        """The next place, the step (p,) to it and the change (k, 13) that it made; None where it only goes up."""
+    def loss(self, here: Place, left: Floats, bent: Floats) -> float:
+        """Half the sum of squares of what is left, and of how much roads bend, as things scatter `here`."""
+        return loss_of(left, self.rows, here.scatter) + 0.5 * float(np.sum((bent / roughness(here.bent)) ** 2))
+
+    def step(self, here: Place, slopes: Floats) -> Step | None:
+        """The next step; None where it only goes up."""
         found = sums(self.rows, here.left, slopes, here.scatter, _FAR)
-        step = solved(found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1)), self.box(here.x))
-        before = loss_of(here.left, self.rows, here.scatter)
+        squares, cross = found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1))
+        leans, bending = bends_per_lean(self.drive, here.felt, here.x, here.bent, self.roads)
+        for i, lean in enumerate(leans):
+            at, square = self.columns.index(lean), roughness(here.bent)[i] ** 2
+            squares[at, at] += np.sum(bending[:, i] ** 2) / square
+            cross[at] -= np.sum(bending[:, i] * here.bent[:, i]) / square
+        step = solved(squares, cross, self.box(here.x))
+        before = self.loss(here, here.left, here.bent)
         share = 1.0
         while share > _RESTS:
             x = here.x.copy()
             x[list(self.columns)] += share * step
             road = here.felt(x)
             moving = driven(self.drive, x, road)
-            base = shown(self.drive, x, moving)
-            left = residual(self.rows, base)
-            if loss_of(left, self.rows, here.scatter) < before:
-                unleant = self._as_it_leans(x, here.felt, road, base)
-                return self._leant(unleant, moving, here.scatter, before), share * step, here.left - left
+            there = self._as_it_leans(x, here.felt, road, shown(self.drive, x, moving))
+            if (after := self.loss(here, there.left, there.bent)) < before:
+                leant = self._leant(there, moving, here, before)
+                return Step(leant, share * step, here.left - there.left, before - after)
             share *= 0.4
         return None
 
@@ -128,9 +154,8 @@ def descended(
                 break
             slopes, is_taken = slope.taken(here), True
             continue
-        there, step, change = found
-        before = loss_of(here.left, slope.rows, here.scatter)
-        gone = before - loss_of(here.left - change, slope.rows, here.scatter)
+        there, step, change, gone = found
+        before = slope.loss(here, here.left, here.bent)
         scatters = float(np.mean(np.abs(there.scatter / here.scatter - 1.0), axis=0).max())
         quiet = quiet + 1 if gone < settled * (before + 500.0) and scatters < _RESTS else 0
         here, slopes, was_taken, is_taken = there, turned(slopes, change, step, slope.sizes), is_taken, False
@@ -141,7 +166,7 @@ def descended(
     return here, slopes
 
 
-def _first_step(slope: Slope, here: Place, slopes: Floats) -> tuple[Place, Floats, Floats] | None:
+def _first_step(slope: Slope, here: Place, slopes: Floats) -> Step | None:
     """The usual step, or that as if all blocks of a channel scattered alike: whichever leads to what is likelier.
 
     Where the simulation is wrong by much, blocks scatter by much and say little: what would put all of them right is
@@ -153,8 +178,8 @@ def _first_step(slope: Slope, here: Place, slopes: Floats) -> tuple[Place, Float
     other = slope.step(here._replace(scatter=np.tile(alike, (len(here.scatter), 1))), slopes)
     if usual is None or other is None:
         return usual or other
-    per_row = correlated_rows(other[0].left / other[0].scatter[rows.block], rows.used)
-    likely = [likelihood_of(rows, found[0].left, per_row) for found in (usual, other)]
+    per_row = correlated_rows(other.there.left / other.there.scatter[rows.block], rows.used)
+    likely = [likelihood_of(rows, found.there.left, per_row) for found in (usual, other)]
     return other if likely[1] > likely[0] else usual
 
 

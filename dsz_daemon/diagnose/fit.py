@@ -34,6 +34,7 @@ from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
+from dsz_daemon.diagnose.smooth_roads import bends, bends_per_lean, roughness, with_their_lean
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -196,7 +197,7 @@ def fitted(
         return _room(drive, x, columns, tolerance)
 
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
-    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box)
+    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box, with_their_lean(effects))
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
     here, slopes = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
     return judged(here, taken(here) if known is None else slopes)
@@ -206,7 +207,8 @@ def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], 
     """A fit judged by the slopes that it has at its end."""
     base = predicted(drive, fit.x, fit.road)
     slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, fit.felt, each)
-    here = Place(fit.x, fit.felt, fit.road, base, fit.left, fit.scatter)
+    bent = bends(drive, fit.road, fit.x, with_their_lean(fit.effects))
+    here = Place(fit.x, fit.felt, fit.road, base, fit.left, fit.scatter, bent)
     return _judged(drive, rows, tolerance, here, Slopes(fit.x, fit.effects, fit.columns, slopes))
 
 
@@ -217,6 +219,11 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = _room(drive, x, columns, tolerance)
+    leans, bending = bends_per_lean(drive, here.felt, x, here.bent, with_their_lean(effects))
+    for i, lean in enumerate(leans):
+        # What hangs together tells as much as fewer rows.
+        per_bend = correlated_rows(here.bent[:, i : i + 1], np.ones((len(here.bent), 1), dtype=np.bool_))[0]
+        box.weight[columns.index(lean)] += np.sum((bending[:, i] / roughness(here.bent)[i]) ** 2) / per_bend
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]

@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import by_the_lean
+from dsz_daemon.diagnose.smooth_roads import LEANS_WITH, bends, smoother
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
@@ -66,8 +67,18 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         for fit in (smaller, larger)
     )
     found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
+    if kind:
+        return found
     # That readings stand at a limit is seen without any simulation.
-    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
+    return found + read_off(drive, larger.x) - read_off(drive, smaller.x) + smooths(drive, smaller, larger)
+
+
+def smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:
+    """Log likelihood gained by roads that bend less, since a lean that was in them is the body's."""
+    new, both = set(larger.effects) - set(smaller.effects), set(larger.effects) & set(smaller.effects)
+    roads = [road for road, lean in LEANS_WITH.items() if road in both and lean in new]
+    before, after = (bends(drive, fit.road, fit.x, roads) for fit in (smaller, larger))
+    return smoother(before, after)
 
 
 def quiet(drive: Drive, fit: Fit) -> Bools:
