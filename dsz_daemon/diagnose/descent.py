@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.smooth_roads import bends, bends_per_lean, roughness
+from dsz_daemon.diagnose.smooth_roads import bends, normal_equations, roughness, unevenness
 
 _ROUNDS = 20
 # By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
@@ -34,7 +34,7 @@ _STILL = 1e-9
 class Place(NamedTuple):
     """Parameters, the road that is felt for them, what is predicted there and left (k, 13), each block's scatter.
 
-    `bent`: by how much roads bend (rows, roads) of which the body's lean is to be told.
+    `bent`: by how much roads bend (rows, roads), where the body's lean is to be told from them.
     """
 
     x: Floats
@@ -103,17 +103,16 @@ class Slope(NamedTuple):
 
     def loss(self, here: Place, left: Floats, bent: Floats) -> float:
         """Half the sum of squares of what is left, and of how much roads bend, as things scatter `here`."""
-        return loss_of(left, self.rows, here.scatter) + 0.5 * float(np.sum((bent / roughness(here.bent)) ** 2))
+        return loss_of(left, self.rows, here.scatter) + unevenness(bent, roughness(here.bent))
 
     def step(self, here: Place, slopes: Floats) -> Step | None:
         """The next step; None where it only goes up."""
         found = sums(self.rows, here.left, slopes, here.scatter, _FAR)
         squares, cross = found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1))
-        leans, bending = bends_per_lean(self.drive, here.felt, here.x, here.bent, self.roads)
-        for i, lean in enumerate(leans):
-            at, square = self.columns.index(lean), roughness(here.bent)[i] ** 2
-            squares[at, at] += np.sum(bending[:, i] ** 2) / square
-            cross[at] -= np.sum(bending[:, i] * here.bent[:, i]) / square
+        leans, of_roads, pulls = normal_equations(self.drive, here.felt, here.x, here.bent, self.roads)
+        at = [self.columns.index(lean) for lean in leans]
+        squares[np.ix_(at, at)] += of_roads
+        cross[at] += pulls
         step = solved(squares, cross, self.box(here.x))
         before = self.loss(here, here.left, here.bent)
         share = 1.0

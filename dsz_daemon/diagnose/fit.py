@@ -34,7 +34,7 @@ from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
-from dsz_daemon.diagnose.smooth_roads import bends, bends_per_lean, roughness, with_their_lean
+from dsz_daemon.diagnose.smooth_roads import SURER, bends, hang_together, normal_equations, with_their_lean
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -219,11 +219,13 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = _room(drive, x, columns, tolerance)
-    leans, bending = bends_per_lean(drive, here.felt, x, here.bent, with_their_lean(effects))
-    for i, lean in enumerate(leans):
-        # What hangs together tells as much as fewer rows.
-        per_bend = correlated_rows(here.bent[:, i : i + 1], np.ones((len(here.bent), 1), dtype=np.bool_))[0]
-        box.weight[columns.index(lean)] += np.sum((bending[:, i] / roughness(here.bent)[i]) ** 2) / per_bend
+    hang = np.ones(len(columns))
+    roads = with_their_lean(effects)
+    leans, of_roads, _ = normal_equations(drive, here.felt, x, here.bent, roads)
+    at = [columns.index(lean) for lean in leans]
+    box.weight[at] += np.diag(of_roads)
+    # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.
+    hang[at] = SURER * np.repeat(hang_together(here.bent), len(leans) // max(len(roads), 1))
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]
@@ -233,7 +235,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     }
     form = _form(drive, rows, x, effects, here.base)
     steps = drive.steps_rows * (drive.steps / scatter) ** 2
-    covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter)
+    covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter, hang)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     least = np.array([words.columns[i][1].least for i in columns])
     std = np.hypot(std, np.where(np.isfinite(least), _OF_THE_LEAST * least, 0.0))
@@ -273,12 +275,14 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     return np.asarray(found, dtype=np.float64)
 
 
-def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Floats) -> Floats:
+def _covariance(
+    found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Floats, hang: Floats | float = 1.0
+) -> Floats:
     """Covariance (p, p) by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
     And no less than what is left beyond the sensors' noise may have done to the parameters, if it is the simulation
     that is wrong there. In the blocks' scatter: the power of steps times the rows for which they stay (b, 13), and
-    the `floor` (b, 13).
+    the `floor` (b, 13). What the box's weight is of may `hang` together over so many rows (p,).
     """
     bread, untold = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(box.weight, 1e-12))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
@@ -292,7 +296,7 @@ def _covariance(found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Fl
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
-    prior = bread @ np.diag(box.weight) @ bread + untold
+    prior = bread @ np.diag(box.weight * hang) @ bread + untold
     whole = one + prior
     more = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
     share = np.sqrt(np.maximum(more, 0.0) / np.maximum(np.diag(whole), 1e-300))

@@ -172,7 +172,7 @@ def _with_tilt(
     `turning`: p, q, r (n, 3). `corrections` (n,) or (1,), rad, are what knots add to bank and slope after this: so much
     more turns into the other angle.
     """
-    leans, n = _leans_too(x, road.lean_share), len(turning)
+    leans, n = leans_too(x, road.lean_share), len(turning)
     more = [np.broadcast_to(lean * added, n) for lean, added in zip(leans, corrections, strict=True)]
     p, q, yaw = (np.ascontiguousarray(turning[:, i]) for i in range(3))
     tilts = _integrated(p, q, yaw, np.ascontiguousarray(more[0]), np.ascontiguousarray(more[1]), banks, climbs)
@@ -180,7 +180,7 @@ def _with_tilt(
     return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
 
 
-def _leans_too(x: Floats, lean_share: float) -> tuple[float, float]:
+def leans_too(x: Floats, lean_share: float) -> tuple[float, float]:
     """What a body turns on a bank and on a climb, over what the road does: it leans on its springs to them, too.
 
     On a bank only as far as no measured acceleration leans it.
