@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.smooth_roads import bends, normal_equations, roughness, unevenness
+from dsz_daemon.diagnose.smooth_roads import bends, leaning, roughness, unevenness
 
 _ROUNDS = 20
 # By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
@@ -28,13 +28,13 @@ _ASKED = 4
 _RESTS = 0.05
 # Deviations; what is further off was something else.
 _FAR = 4.0
-_STILL = 1e-9
+_STILL, _LEVEL = 1e-9, np.zeros(0)
 
 
 class Place(NamedTuple):
     """Parameters, the road that is felt for them, what is predicted there and left (k, 13), each block's scatter.
 
-    `bent`: by how much roads bend (rows, roads), where the body's lean is to be told from them.
+    `bent`: by how much a bank bends (rows,) that the body's lean is to be told from; (0,) where there is none.
     """
 
     x: Floats
@@ -58,8 +58,8 @@ class Step(NamedTuple):
 class Slope(NamedTuple):
     """What a descent works with: the fitted `columns`, their `sizes` (p,), inf for what is linear anyway.
 
-    `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters; `roads`: those
-    in the model with their lean.
+    `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters; `leans`:
+    whether the body does so on a bank.
     """
 
     drive: Drive
@@ -69,7 +69,7 @@ class Slope(NamedTuple):
     sizes: Floats
     taken: Callable[[Place], Floats]
     box: Callable[[Floats], Box]
-    roads: tuple[str, ...] = ()
+    leans: bool = False
 
     def place(self, x: Floats, felt: Felt) -> Place:
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
@@ -80,7 +80,7 @@ class Slope(NamedTuple):
 
     def _as_it_leans(self, x: Floats, felt: Felt, road: Profiles, base: Floats) -> Place:
         left = residual(self.rows, base)
-        bent = bends(self.drive, road, x, self.roads)
+        bent = bends(self.drive, road, x) if self.leans else _LEVEL
         return Place(x, felt, road, base, left, scatter_of(self.rows, left, self.floor), bent)
 
     def _leant(self, here: Place, moving: Moving, before: Place, most: float) -> Place:
@@ -102,17 +102,18 @@ class Slope(NamedTuple):
         return here
 
     def loss(self, here: Place, left: Floats, bent: Floats) -> float:
-        """Half the sum of squares of what is left, and of how much roads bend, as things scatter `here`."""
+        """Half the sum of squares of what is left, and of how much a bank bends, as things scatter `here`."""
         return loss_of(left, self.rows, here.scatter) + unevenness(bent, roughness(here.bent))
 
     def step(self, here: Place, slopes: Floats) -> Step | None:
         """The next step; None where it only goes up."""
         found = sums(self.rows, here.left, slopes, here.scatter, _FAR)
         squares, cross = found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1))
-        leans, of_roads, pulls = normal_equations(self.drive, here.felt, here.x, here.bent, self.roads)
-        at = [self.columns.index(lean) for lean in leans]
-        squares[np.ix_(at, at)] += of_roads
-        cross[at] += pulls
+        if self.leans:
+            lean = leaning(self.drive, here.felt, here.x, here.bent)
+            at = [self.columns.index(column) for column in lean.columns]
+            squares[np.ix_(at, at)] += lean.squares
+            cross[at] += lean.cross
         step = solved(squares, cross, self.box(here.x))
         before = self.loss(here, here.left, here.bent)
         share = 1.0

@@ -34,7 +34,7 @@ from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
-from dsz_daemon.diagnose.smooth_roads import SURER, bends, hang_together, normal_equations, with_their_lean
+from dsz_daemon.diagnose.smooth_roads import SURER, bends, leaning, leans_on_a_bank, rows_as_one
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -197,7 +197,7 @@ def fitted(
         return _room(drive, x, columns, tolerance)
 
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
-    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box, with_their_lean(effects))
+    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box, leans_on_a_bank(effects))
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
     here, slopes = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
     return judged(here, taken(here) if known is None else slopes)
@@ -207,7 +207,7 @@ def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], 
     """A fit judged by the slopes that it has at its end."""
     base = predicted(drive, fit.x, fit.road)
     slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, fit.felt, each)
-    bent = bends(drive, fit.road, fit.x, with_their_lean(fit.effects))
+    bent = bends(drive, fit.road, fit.x) if leans_on_a_bank(fit.effects) else np.zeros(0)
     here = Place(fit.x, fit.felt, fit.road, base, fit.left, fit.scatter, bent)
     return _judged(drive, rows, tolerance, here, Slopes(fit.x, fit.effects, fit.columns, slopes))
 
@@ -220,12 +220,12 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = _room(drive, x, columns, tolerance)
     hang = np.ones(len(columns))
-    roads = with_their_lean(effects)
-    leans, of_roads, _ = normal_equations(drive, here.felt, x, here.bent, roads)
-    at = [columns.index(lean) for lean in leans]
-    box.weight[at] += np.diag(of_roads)
-    # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.
-    hang[at] = SURER * np.repeat(hang_together(here.bent), len(leans) // max(len(roads), 1))
+    if leans_on_a_bank(effects):
+        lean = leaning(drive, here.felt, x, here.bent)
+        places = [columns.index(column) for column in lean.columns]
+        box.weight[places] += np.diag(lean.squares)
+        # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.
+        hang[places] = SURER * rows_as_one(here.bent)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]

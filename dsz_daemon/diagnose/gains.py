@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
-from dsz_daemon.diagnose.evidence import gain
+from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain
 from dsz_daemon.diagnose.fit import UPRIGHT, Fit
 from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import by_the_lean
-from dsz_daemon.diagnose.smooth_roads import LEANS_WITH, bends, smoother
+from dsz_daemon.diagnose.smooth_roads import bends, is_new_on_a_bank, smoother
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
@@ -70,15 +70,22 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
     if kind:
         return found
     # That readings stand at a limit is seen without any simulation.
-    return found + read_off(drive, larger.x) - read_off(drive, smaller.x) + smooths(drive, smaller, larger)
+    return found + read_off(drive, larger.x) - read_off(drive, smaller.x) + _smooths(drive, smaller, larger)
 
 
-def smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:
-    """Log likelihood gained by roads that bend less, since a lean that was in them is the body's."""
-    new, both = set(larger.effects) - set(smaller.effects), set(larger.effects) & set(smaller.effects)
-    roads = [road for road, lean in LEANS_WITH.items() if road in both and lean in new]
-    before, after = (bends(drive, fit.road, fit.x, roads) for fit in (smaller, larger))
-    return smoother(before, after)
+def _smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:
+    """Log likelihood gained by a bank that bends less, since a lean that was in it is the body's."""
+    if not is_new_on_a_bank(smaller.effects, larger.effects):
+        return 0.0
+    return smoother(*(bends(drive, fit.road, fit.x) for fit in (smaller, larger)))
+
+
+def is_beyond_form(drive: Drive, smaller: Fit, larger: Fit) -> bool:
+    """Whether the larger model does what taking back an error of the simulation's form would not, however much else is.
+
+    It puts a channel right, or takes the bends out of a bank.
+    """
+    return puts_right(drive, smaller, larger) or _smooths(drive, smaller, larger) >= LEAST_GAIN
 
 
 def quiet(drive: Drive, fit: Fit) -> Bools:

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
-from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet, smooths
+from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right, quiet
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
@@ -313,8 +313,7 @@ def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_
         asked = _PROFILE_SHARES * share if step.effect in OWN_CHANNEL else share
         if of_a_car > asked and drive.vocabulary.described(step.effect).touches == CAR:
             asked = of_a_car
-        is_sure = puts_right(drive, best, step.fit) or smooths(drive, best, step.fit) >= LEAST_GAIN
-        return step.gain >= LEAST_GAIN and (step.gain >= asked or is_sure)
+        return step.gain >= LEAST_GAIN and (step.gain >= asked or is_beyond_form(drive, best, step.fit))
 
     gaining = [step for step in ranked if gains_enough(step)]
     gaining.sort(key=lambda step: not is_told(drive, step.fit, step.effect))
@@ -381,7 +380,7 @@ def _without_trifles(
         effect
         for effect in best.effects
         if gains[effect] < least
-        and not puts_right(drive, _without(drive, rows, best, tolerance, (effect,), each), best)
+        and not is_beyond_form(drive, _without(drive, rows, best, tolerance, (effect,), each), best)
     ]
     return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
 

@@ -11,15 +11,14 @@ from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import wind_ahead_m
 from dsz_daemon.diagnose.screening import feels
-from dsz_daemon.diagnose.smooth_roads import LEANS_WITH
 
 # Effects that are fitted besides, and from where on.
 Start = tuple[tuple[str, ...], Floats]
 
 # The most promising; the others' turn may come.
 _TRIED = 7
-# Where to begin with what a road takes along: rad per m/s2, as passenger cars have it.
-_SOME_LEAN = 0.008
+# What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
+_LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 
 
 def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: Each = map) -> list[Start]:
@@ -30,7 +29,7 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
     if "side_wind" in roads:
         starts = [*_winds(drive, best, each), *(start for start in starts if start[0] != ("side_wind",))]
     # The road that a gyro has felt has the body's lean in it: by one linear step none is left.
-    for road, effect in LEANS_WITH.items():
+    for road, effect in _LEANS_WITH.items():
         if road in best.effects and effect not in best.effects:
             leaning = best.x.copy()
             leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
