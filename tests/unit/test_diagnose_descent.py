@@ -12,7 +12,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose import descent, fit
 from dsz_daemon.diagnose.comparison import Rows, rows_of
-from dsz_daemon.diagnose.descent import Place, Slope, turned
+from dsz_daemon.diagnose.descent import Place, Slope, Step, turned
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.prediction import nothing
 
@@ -74,7 +74,7 @@ def by_slopes_of_its_own(slope: Slope, here: Place, *_: Any, **__: Any) -> tuple
         found = slope.step(here, slope.taken(here))
         if found is None:
             break
-        here = found[0]
+        here = found.there
     return here, slope.taken(here)
 
 
@@ -132,10 +132,14 @@ class Falling:
         self.taken_at.append(len(self.losses))
         return np.zeros((100, 13, 1))
 
-    def step(self, here: Place, _slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+    def loss(self, here: Place, left: np.ndarray, _bent: np.ndarray) -> float:
+        return descent.loss_of(left, self.rows, here.scatter)
+
+    def step(self, here: Place, _slopes: np.ndarray) -> Step:
         left = 0.8 * here.left
-        self.losses.append(descent.loss_of(left, self.rows, here.scatter))
-        return here._replace(left=left), np.zeros(1), here.left - left
+        before, after = (self.loss(here, there, here.bent) for there in (here.left, left))
+        self.losses.append(after)
+        return Step(here._replace(left=left), np.zeros(1), here.left - left, before - after)
 
 
 @pytest.mark.parametrize("roughly", [False, True])
@@ -149,7 +153,7 @@ def test_a_descent_ends_where_steps_take_next_to_nothing_and_slopes_are_taken_th
     left = np.zeros((100, 13))
     left[:, 0] = 3.0
     nowhere: Any = None
-    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)))
+    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)), np.zeros(0))
     descent.descended(falling, here, np.zeros((100, 13, 1)), 0.01, roughly)
     assert len(falling.losses) == 10
     # Where slopes that are known will do, two quiet steps in a row are the end.
@@ -163,16 +167,16 @@ def test_a_known_start_has_one_first_step_and_one_that_is_not_known_has_none(
     falling: Any = Falling()
     seen: list[int] = []
 
-    def first_step(slope: Any, here: Place, slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+    def first_step(slope: Any, here: Place, slopes: np.ndarray) -> Step:
         seen.append(len(slope.losses))
-        found: tuple[Place, np.ndarray, np.ndarray] = slope.step(here, slopes)
+        found: Step = slope.step(here, slopes)
         return found
 
     monkeypatch.setattr(descent, "_first_step", first_step)
     left = np.zeros((100, 13))
     left[:, 0] = 3.0
     nowhere: Any = None
-    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)))
+    here = Place(np.zeros(1), nowhere, nowhere, nowhere, left, np.ones((1, 13)), np.zeros(0))
     descent.descended(falling, here, np.zeros((100, 13, 1)) if known else None, 0.01)
     assert seen == first
 
@@ -192,15 +196,15 @@ def test_a_known_start_first_tries_what_would_put_all_blocks_right(
     floor[1] = 20.0
     seen: list[np.ndarray] = []
 
-    def step(there: Place, slopes: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray]:
+    def step(there: Place, slopes: np.ndarray) -> Step:
         seen.append(there.scatter)
         left = noise * (usual_left if there is here else other_left)
-        return place_of(left), np.zeros(1), slopes
+        return Step(place_of(left), np.zeros(1), slopes, 1.0)
 
     slope: Any = SimpleNamespace(rows=rows, floor=floor, step=step)
     found = descent._first_step(slope, here, np.zeros(1))
     assert found is not None
-    assert np.std(found[0].left) == pytest.approx(min(usual_left, other_left), rel=0.05), chosen
+    assert np.std(found.there.left) == pytest.approx(min(usual_left, other_left), rel=0.05), chosen
     usual, alike = seen
     assert usual is here.scatter
     # A third of 100 and two of 1; the other channel scatters by no less than its sensor.
@@ -213,9 +217,9 @@ def test_where_one_first_step_only_goes_up_the_other_is_taken(dead: str) -> None
     used = np.ones((30, 13), dtype=np.bool_)
     rows = Rows(np.arange(30), used, np.repeat([0, 1], 15), np.zeros((30, 13)), np.zeros(13))
     here = place_of(RNG.normal(size=(30, 13)), blocks=2)
-    there = (here, np.ones(1), np.ones(1))
+    there = Step(here, np.ones(1), np.ones(1), 1.0)
 
-    def step(place: Place, _: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray] | None:
+    def step(place: Place, _: np.ndarray) -> Step | None:
         return None if (place is here) is (dead == "usual") else there
 
     slope: Any = SimpleNamespace(rows=rows, floor=np.ones(13), step=step)
@@ -224,4 +228,4 @@ def test_where_one_first_step_only_goes_up_the_other_is_taken(dead: str) -> None
 
 def place_of(left: np.ndarray, blocks: int = 3) -> Place:
     none: Any = None
-    return Place(none, none, none, none, left, np.ones((blocks, 13)))
+    return Place(none, none, none, none, left, np.ones((blocks, 13)), np.zeros(0))
