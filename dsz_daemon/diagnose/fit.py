@@ -197,10 +197,22 @@ def fitted(
         return _room(drive, x, columns, tolerance)
 
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
-    slope = Slope(drive, rows, floors(drive), columns, sizes, taken, box, leans_on_a_bank(effects))
+    floor = _floors(drive, rows, x, effects, felt)
+    slope = Slope(drive, rows, floor, columns, sizes, taken, box, leans_on_a_bank(effects))
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
     here, slopes = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
     return judged(here, taken(here) if known is None else slopes)
+
+
+def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt: Felt) -> Floats:
+    """What white noise leaves (13,); and where a lean is told from its bank, what the simulation's form does.
+
+    What either shows that the other does not is less than that.
+    """
+    found = floors(drive)
+    if leans_on_a_bank(effects):
+        found = np.hypot(found, _form(drive, rows, x, effects, predicted(drive, x, felt(x))))
+    return found
 
 
 def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
