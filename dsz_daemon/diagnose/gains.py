@@ -67,10 +67,9 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         for fit in (smaller, larger)
     )
     found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
-    if kind:
-        return found
+    found += _smooths(drive, smaller, larger)
     # That readings stand at a limit is seen without any simulation.
-    return found + read_off(drive, larger.x) - read_off(drive, smaller.x) + _smooths(drive, smaller, larger)
+    return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
 
 
 def _smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:
