@@ -1,7 +1,7 @@
 """Which effects `dsz diagnose` names, from which size on, in the simulated car; Markdown on standard output.
 
     python tests/experiments/detections.py [--scenario city] [--seed 2] [--sizes 1,0.3,0.1] [--jobs 2] [EFFECT ...]
-    python tests/experiments/detections.py --together 2 --drives 12
+    python tests/experiments/detections.py --together 2 --drives 12 [EFFECT ...]
     python tests/experiments/detections.py --nulls 200
 
 Each is put into the nominal world (`dsz simulate --nominal --effect NAME:...`, cut after --seconds), so that it is all
@@ -243,7 +243,7 @@ def names(asked: argparse.Namespace) -> list[str]:
 
 def together(asked: argparse.Namespace, pool: Executor) -> None:
     """Several effects at once, drawn by the seed; all must be named."""
-    rng, listed = random.Random(asked.seed), [name for name in names(asked) if name not in _ALONE]
+    rng, listed = random.Random(asked.seed), [name for name in asked.effects or names(asked) if name not in _ALONE]
     drawn = [rng.sample(listed, asked.together) for _ in range(asked.drives)]
     print("| left out | said | |\n|---|---|---|", flush=True)
 
