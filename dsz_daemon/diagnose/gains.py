@@ -24,9 +24,10 @@ _HUNG, _WHITE_ROWS = 2.0, 10.0
 _OFF, _RIGHT = 3.0, 3.0
 # A profile takes all that its own sensor has left over: it is judged by the other channels; wind by the yaw rate alone,
 # since whatever is wrong about the lateral motion or the lean shows in all else as it does in the acceleration.
+_ROLL_GYRO = 0
 _NO_JUDGES = {"road_bank": [0], "road_grade": [1], "side_wind": [0, 1, 3, 4, 5, 6, 7, 8]}
 # Wind by the lean takes what the roll gyro has, as a bank does; but a body that leans has to show it there.
-_TAKEN_BY_A_LEAN = 0
+_TAKEN_BY_A_LEAN = _ROLL_GYRO
 
 
 def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = None, kind: str = "") -> float:
@@ -56,6 +57,11 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         if effect in {"road_bank", "road_grade"}:
             # With the profile comes its gyro's noise.
             form[UPRIGHT] = max(form[UPRIGHT], larger.form[UPRIGHT])
+    if is_new_on_a_bank(smaller.effects, larger.effects):
+        # The bank had the lean in it, to the last digit of the gyro that it is taken from; a simulation has not.
+        form = np.maximum(form, larger.form)
+        if mute[_ROLL_GYRO]:
+            count[:, _ROLL_GYRO] = 0.0
     parameters = drive.vocabulary.columns
     moved = [
         i
