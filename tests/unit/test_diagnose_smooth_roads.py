@@ -11,11 +11,11 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import descent, motion, smooth_roads
-from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.comparison import floors, rows_of
 from dsz_daemon.diagnose.descent import Place, Slope
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, exactly, fitted
-from dsz_daemon.diagnose.gains import is_beyond_form
+from dsz_daemon.diagnose.fit import Fit, _floors, exactly, fitted
+from dsz_daemon.diagnose.gains import is_beyond_form, quiet
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.search import gained, searched
@@ -237,6 +237,53 @@ def test_slopes_of_no_lean_are_no_matter_of_the_road() -> None:
     assert smooth_roads.is_new_on_a_bank(("road_bank",), BOTH)
     assert not smooth_roads.is_new_on_a_bank(("suspension_roll",), BOTH)
     assert not smooth_roads.is_new_on_a_bank(BOTH, BOTH)
+
+
+def test_the_sway_above_the_tyres_is_fitted_where_there_is_a_bank_alone() -> None:
+    sways, one = INDEX["sway_height_m"], banked(0.0)
+    rows = rows_of(one)
+    assert sways in fitted(one, rows, nothing(), ("road_bank",), TOLERANCE).columns
+    assert sways not in fitted(one, rows, nothing(), ("road_grade",), TOLERANCE).columns
+    # A road that turns about the way ahead, 0.6 m below the C.G.
+    x = nothing()
+    x[sways] = 0.6
+    noise = one.measured - predicted(one, nothing(), flat(N)._replace(bank_rad=BANK_RAD))
+    quick = flat(N)._replace(bank_rad=BANK_RAD + 0.02 * np.sin(2.5 * T))
+    there = one._replace(measured=predicted(one, x, quick) + noise)
+    found = fitted(there, rows_of(there), nothing(), ("road_bank",), TOLERANCE)
+    assert found.x[sways] == pytest.approx(0.6, abs=0.06)
+
+
+def test_form_is_the_floor_where_a_lean_is_told_from_a_bank(two_fits: tuple[Drive, Fit, Fit]) -> None:
+    one, smaller, larger = two_fits
+    rows = rows_of(one)
+    for fit in (smaller, larger):
+        found = _floors(one, rows, fit.x, fit.effects, fit.felt)
+        form = fit.form if fit is larger else np.zeros(13)
+        np.testing.assert_allclose(found[:6], np.hypot(floors(one), form)[:6], rtol=0.05)
+    assert larger.form[4] > 2.0 * floors(one)[4]
+
+
+def test_the_gyro_that_a_bank_is_taken_from_judges_no_lean_beside_it(two_fits: tuple[Drive, Fit, Fit]) -> None:
+    """A bank takes the lean along to the gyro's last digit; no simulation of a lean does."""
+    one, smaller, larger = two_fits
+    unseen = smaller.unseen.copy()
+    unseen[:, 0] *= 0.1
+    better = smaller._replace(unseen=unseen)
+    assert quiet(one, better)[0]
+    assert gained(one, better, larger) > 50.0
+    # Of any other channel it counts.
+    unseen = smaller.unseen.copy()
+    unseen[:, 4] *= 0.25
+    assert gained(one, smaller._replace(unseen=unseen), larger) < gained(one, smaller, larger) - 50.0
+
+
+def test_whole_manoeuvres_know_of_the_smooth_road_too(two_fits: tuple[Drive, Fit, Fit]) -> None:
+    one, smaller, larger = two_fits
+    same = larger._replace(together=smaller.together)
+    by_rows = smoother(*(bends(one, fit.road, fit.x) for fit in (smaller, larger)))
+    for kind in rows_of(one).together:
+        assert gained(one, smaller, same, kind=kind) == pytest.approx(by_rows, abs=15.0)
 
 
 def test_city_bends_are_told_from_a_bank_too() -> None:
