@@ -74,7 +74,7 @@ def test_what_gains_too_little_stands_in_nobodys_way(monkeypatch: pytest.MonkeyP
     none: Any = None
     right: set[str] = set()
     vague: set[str] = set()
-    monkeypatch.setattr(search_module, "puts_right", lambda _, __, name: name in right)
+    monkeypatch.setattr(search_module, "is_beyond_form", lambda _, __, name: name in right)
     monkeypatch.setattr(search_module, "is_told", lambda _, __, name: name not in vague)
 
     def order(share: float, *more: tuple[str, float]) -> list[str]:
@@ -105,11 +105,11 @@ def test_what_came_early_has_to_gain_its_share_of_all_in_the_end(monkeypatch: py
         gains = {"gyro_scale": gain, "wheel_radius": 1000.0}
         return _without_trifles(one, rows, both, TOLERANCE, gains, map).effects
 
-    monkeypatch.setattr(search_module, "puts_right", lambda *_: False)
+    monkeypatch.setattr(search_module, "is_beyond_form", lambda *_: False)
     assert kept(16.0) == both.effects
     assert kept(14.0) == ("wheel_radius",)
     # But for what puts right what was far off without it.
-    monkeypatch.setattr(search_module, "puts_right", lambda _, smaller, __: smaller.effects == ("wheel_radius",))
+    monkeypatch.setattr(search_module, "is_beyond_form", lambda _, smaller, __: smaller.effects == ("wheel_radius",))
     assert kept(14.0) == both.effects
 
 
