@@ -57,7 +57,6 @@ _WAYS_TO_BE_WRONG = 8
 _WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
-_SWAYS = INDEX["sway_height_m"]
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -164,7 +163,7 @@ def fitted(
     """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
-    first = [i for i in nuisances(tolerance) if i not in hidden and (i != _SWAYS or "road_bank" in effects)]
+    first = [i for i in nuisances(tolerance) if i not in hidden]
     # Wheels slip against a road that climbs all the way as against what slows a car.
     held = {_RESISTANCE} if "road_grade" in effects else set()
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.

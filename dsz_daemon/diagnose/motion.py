@@ -62,7 +62,6 @@ class CarModel(NamedTuple):
     front_track_m: float
     hasty_s: float
     load_height_m: float
-    sway_height_m: float
 
 
 @compiled
@@ -178,14 +177,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             carried_mps2 += taken * (v_rate[i] - r * vy + uphill - carried_mps2)
             front_loaded, rear_loaded = _loaded(car, carried_mps2)
         per_v = 1.0 / max(v, ROLLING_MPS)
-        # Where a road turns about the way ahead the tyres, below the C.G., go the other way than it does.
-        sways = 0.0
-        if car.sway_height_m != 0.0:
-            before, next_ = max(i - 1, 0), min(i + 1, len(v_mps) - 1)
-            sways = car.sway_height_m * (bank_rad[next_] - bank_rad[before]) / (dt_s * (next_ - before))
-        heading = (vy + sways + lf * r) * per_v
+        heading = (vy + lf * r) * per_v
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
-            slips = atan_of(heading) - delta, atan_of((vy + sways - lr * r) * per_v)
+            slips = atan_of(heading) - delta, atan_of((vy - lr * r) * per_v)
             front = (
                 front_loaded
                 * front_free[i]
@@ -226,8 +220,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         per_v = 1.0 / v_mid
-        heading = (vy_mid + sways + lf * r_mid) * per_v
-        slips = atan_of(heading) - delta_mid, atan_of((vy_mid + sways - lr * r_mid) * per_v)
+        heading = (vy_mid + lf * r_mid) * per_v
+        slips = atan_of(heading) - delta_mid, atan_of((vy_mid - lr * r_mid) * per_v)
         front_goal = (
             front_loaded * front_free[i] * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
         )

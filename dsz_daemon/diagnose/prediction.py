@@ -197,7 +197,6 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         front_track_m,
         at("hasty_s"),
         at("load_height_m"),
-        at("sway_height_m"),
     )
     given = (rolls.steer_rad, rolls.v_mps, rolls.v_rate, rolls.front_mps, road.grip, road.side_n)
     leaning = (road.bank_rad, road.grade_rad, road.lean_mps2)

@@ -239,21 +239,6 @@ def test_slopes_of_no_lean_are_no_matter_of_the_road() -> None:
     assert not smooth_roads.is_new_on_a_bank(BOTH, BOTH)
 
 
-def test_the_sway_above_the_tyres_is_fitted_where_there_is_a_bank_alone() -> None:
-    sways, one = INDEX["sway_height_m"], banked(0.0)
-    rows = rows_of(one)
-    assert sways in fitted(one, rows, nothing(), ("road_bank",), TOLERANCE).columns
-    assert sways not in fitted(one, rows, nothing(), ("road_grade",), TOLERANCE).columns
-    # A road that turns about the way ahead, 0.6 m below the C.G.
-    x = nothing()
-    x[sways] = 0.6
-    noise = one.measured - predicted(one, nothing(), flat(N)._replace(bank_rad=BANK_RAD))
-    quick = flat(N)._replace(bank_rad=BANK_RAD + 0.02 * np.sin(2.5 * T))
-    there = one._replace(measured=predicted(one, x, quick) + noise)
-    found = fitted(there, rows_of(there), nothing(), ("road_bank",), TOLERANCE)
-    assert found.x[sways] == pytest.approx(0.6, abs=0.06)
-
-
 def test_form_is_the_floor_where_a_lean_is_told_from_a_bank(two_fits: tuple[Drive, Fit, Fit]) -> None:
     one, smaller, larger = two_fits
     rows = rows_of(one)
