@@ -149,7 +149,8 @@ def test_a_lean_gains_what_the_bank_is_smoother_by(two_fits: tuple[Drive, Fit, F
     rougher = larger._replace(road=smaller.road, x=np.where(np.arange(len(larger.x)) == ROLL, 0.0, larger.x))
     assert base - gained(one, smaller, rougher) == pytest.approx(by_rows, abs=0.2 * by_rows)
     assert gained(one, larger, others) == pytest.approx(0.0, abs=1.0)
-    assert not is_beyond_form(one, alone, smaller._replace(unseen=alone.unseen))
+    assert smoother(*(bends(one, fit.road, fit.x) for fit in (alone, larger))) > 30.0
+    assert not is_beyond_form(one, alone, larger._replace(unseen=alone.unseen))
 
 
 def test_what_takes_the_bends_out_of_a_bank_needs_no_share_of_all_gains(two_fits: tuple[Drive, Fit, Fit]) -> None:
