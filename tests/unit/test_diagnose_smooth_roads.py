@@ -248,20 +248,71 @@ def test_form_is_the_floor_where_a_lean_is_told_from_a_bank(two_fits: tuple[Driv
         form = fit.form if fit is larger else np.zeros(13)
         np.testing.assert_allclose(found[:6], np.hypot(floors(one), form)[:6], rtol=0.05)
     assert larger.form[4] > 2.0 * floors(one)[4]
+    # No block is listened to more than that.
+    assert np.min(larger.scatter[:, 4]) > 0.95 * larger.form[4]
+    assert np.min(smaller.scatter[:, 4]) < 0.95 * larger.form[4]
 
 
 def test_the_gyro_that_a_bank_is_taken_from_judges_no_lean_beside_it(two_fits: tuple[Drive, Fit, Fit]) -> None:
     """A bank takes the lean along to the gyro's last digit; no simulation of a lean does."""
     one, smaller, larger = two_fits
     unseen = smaller.unseen.copy()
-    unseen[:, 0] *= 0.1
-    better = smaller._replace(unseen=unseen)
+    unseen[:, 0] *= 0.01
+    sharp, better = larger._replace(form=np.zeros(13)), smaller._replace(unseen=unseen, form=np.zeros(13))
     assert quiet(one, better)[0]
-    assert gained(one, better, larger) > 50.0
+    assert gained(one, better, sharp) > 50.0
     # Of any other channel it counts.
     unseen = smaller.unseen.copy()
     unseen[:, 4] *= 0.25
     assert gained(one, smaller._replace(unseen=unseen), larger) < gained(one, smaller, larger) - 30.0
+
+
+def test_what_a_lean_beside_a_bank_is_off_by_is_judged_by_its_own_form(two_fits: tuple[Drive, Fit, Fit]) -> None:
+    one, smaller, larger = two_fits
+    unseen = smaller.unseen.copy()
+    unseen[:, 4] *= 0.25
+    better, coarse = smaller._replace(unseen=unseen), larger.form.copy()
+    coarse[4] = 1.0
+    whole = larger._replace(form=coarse)
+    assert gained(one, better, whole) == pytest.approx(gained(one, smaller, whole), abs=1.0)
+    # Where the lean is not what is new, the smaller model's counts.
+    both = better._replace(effects=BOTH, columns=larger.columns)
+    assert gained(one, both, whole) == pytest.approx(gained(one, both, larger))
+
+
+def test_a_fit_counts_the_bends_and_follows_a_lean_only_as_far_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = banked(0.012)
+    rows, asked = rows_of(one), list[tuple[float, float]]()
+    real = Slope._leant
+
+    def leant_to(self: Slope, here: Place, moving: Any, before: Place, most: float) -> Place:
+        asked.append((most, self.loss(before, before.left, before.bent)))
+        return real(self, here, moving, before, most)
+
+    monkeypatch.setattr(Slope, "_leant", leant_to)
+    beside = fitted(one, rows, nothing(), ("road_bank",), TOLERANCE)
+    start = beside.x.copy()
+    start[ROLL] = 0.008
+    asked.clear()
+    fitted(one, rows, start, BOTH, TOLERANCE, felt=beside.felt)
+    (first, _), *others = asked
+    # At first it leans as it will; at a step no further than to what there was before it.
+    assert first == math.inf
+    assert len(others) > 1
+    assert all(most == there for most, there in others)
+
+
+def test_what_a_fit_loses_has_the_bends_in_it() -> None:
+    """Of a bank that bends as much as it does: a half for each row, ten times."""
+    nowhere: Any = None
+    used = np.ones((4, 13), dtype=np.bool_)
+    rows: Any = SimpleNamespace(used=used, block=np.zeros(4, dtype=np.int64))
+    slope = Slope(nowhere, rows, nowhere, (), np.zeros(0), nowhere, nowhere, leans=True)
+    left, bent = np.zeros((4, 13)), 0.01 * np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    here = Place(nowhere, nowhere, nowhere, nowhere, left, np.ones((1, 13)), bent)
+    assert slope.loss(here, left, bent) == pytest.approx(0.5 * 5 * smooth_roads.SURER)
+    assert slope.loss(here, left, 2.0 * bent) == pytest.approx(4.0 * 0.5 * 5 * smooth_roads.SURER)
+    assert slope.loss(here, left + 1.0, 0.0 * bent) == pytest.approx(0.5 * 4 * 13)
 
 
 def test_whole_manoeuvres_know_of_the_smooth_road_too(two_fits: tuple[Drive, Fit, Fit]) -> None:
