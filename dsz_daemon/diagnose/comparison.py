@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 # `map`, or one that works side by side.
 Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+One = TypeVar("One")
+Done = TypeVar("Done")
 
 # Compared at 25 Hz: the filter has left nothing above.
 EVERY = 4
@@ -47,6 +49,13 @@ _STILL_MPS2, _UPRIGHT, _AT_LIMIT, _OF_GRAVITY = 1e-5, 5, 0.05, 0.95
 _MPS2, _HARD_MPS2, _LEAST_S = 0.8, 2.0, 15.0
 
 _IMU = len(IMU_CHANNELS)
+
+
+def all_hands(task: Callable[[One, Each], Done], works: Sequence[One], each: Each) -> list[Done]:
+    """Each work's task, side by side; one that is alone works side by side inside."""
+    if len(works) == 1:
+        return [task(works[0], each)]
+    return list(each(lambda one: task(one, map), works))
 
 
 class Feels(Protocol):

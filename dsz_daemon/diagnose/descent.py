@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.smooth_roads import bends, leaning, roughness, unevenness
+from dsz_daemon.diagnose.smooth_roads import bends, leaning, roughness, slopes_of_bends, unevenness
 
 _ROUNDS = 20
 # By slopes that were turned, not taken, two steps in a row have to bring next to nothing.
@@ -53,6 +53,17 @@ class Step(NamedTuple):
     step: Floats
     change: Floats
     gone: float
+
+
+class Learnt(NamedTuple):
+    """What is known of the ways down: sensitivities (k, 13, p), those of how a bank bends (rows, 3), (0, 3) without.
+
+    `is_exact`: whether they are those of the place, not of another and turned since.
+    """
+
+    slopes: Floats
+    bends: Floats
+    is_exact: bool = True
 
 
 class Slope(NamedTuple):
@@ -105,12 +116,17 @@ class Slope(NamedTuple):
         """Half the sum of squares of what is left, and of how much a bank bends, as things scatter `here`."""
         return loss_of(left, self.rows, here.scatter) + unevenness(bent, roughness(here.bent))
 
-    def step(self, here: Place, slopes: Floats) -> Step | None:
+    def learnt(self, here: Place, known: Floats | None = None) -> Learnt:
+        """The ways down from here, of which the sensitivities may be `known`."""
+        bent = slopes_of_bends(self.drive, here.felt, here.x, here.bent) if self.leans else np.zeros((0, 3))
+        return Learnt(self.taken(here) if known is None else known, bent)
+
+    def step(self, here: Place, learnt: Learnt) -> Step | None:
         """The next step; None where it only goes up."""
-        found = sums(self.rows, here.left, slopes, here.scatter, _FAR)
+        found = sums(self.rows, here.left, learnt.slopes, here.scatter, _FAR)
         squares, cross = found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1))
         if self.leans:
-            lean = leaning(self.drive, here.felt, here.x, here.bent)
+            lean = leaning(learnt.bends, here.bent)
             at = [self.columns.index(column) for column in lean.columns]
             squares[np.ix_(at, at)] += lean.squares
             cross[at] += lean.cross
@@ -137,45 +153,48 @@ def descended(
     settled: float,
     roughly: bool = False,
     is_hopeless: Callable[[Place, Floats], bool] | None = None,
-) -> tuple[Place, Floats]:
+) -> tuple[Place, Learnt]:
     """Where no step takes more than the share `settled` off what is left, and the slopes by which that was found.
 
     `known`: the slopes here. `roughly`: they are taken again only where no step by them gets further, not where the end
-    seems to be reached. What `is_hopeless` after some rounds, by its place and slopes, is left there.
+    seems to be reached. What `is_hopeless` by its place and slopes, after some rounds or where slopes were to be taken
+    again, is left there.
     """
-    slopes, is_taken, quiet = slope.taken(here) if known is None else known, True, 0
+    learnt, quiet = slope.learnt(here, known), 0
     for k in range(_ROUNDS):
-        if k == _ASKED and is_hopeless is not None and is_hopeless(here, slopes):
+        if k == _ASKED and is_hopeless is not None and is_hopeless(here, learnt.slopes):
             break
-        is_first = k == 0 and known is not None
-        found = _first_step(slope, here, slopes) if is_first else slope.step(here, slopes)
+        found = _first_step(slope, here, learnt) if k == 0 and known is not None else slope.step(here, learnt)
         if found is None:
-            if is_taken:
+            if learnt.is_exact or (is_hopeless is not None and is_hopeless(here, learnt.slopes)):
                 break
-            slopes, is_taken = slope.taken(here), True
+            learnt = slope.learnt(here)
             continue
         there, step, change, gone = found
         before = slope.loss(here, here.left, here.bent)
         scatters = float(np.mean(np.abs(there.scatter / here.scatter - 1.0), axis=0).max())
         quiet = quiet + 1 if gone < settled * (before + 500.0) and scatters < _RESTS else 0
-        here, slopes, was_taken, is_taken = there, turned(slopes, change, step, slope.sizes), is_taken, False
-        if quiet and (was_taken or (roughly and quiet == _QUIET_TWICE)):
+        here, was_exact = there, learnt.is_exact
+        learnt = Learnt(turned(learnt.slopes, change, step, slope.sizes), learnt.bends, is_exact=False)
+        if quiet and (was_exact or (roughly and quiet == _QUIET_TWICE)):
             break
         if quiet and not roughly:
-            slopes, is_taken = slope.taken(here), True
-    return here, slopes
+            if is_hopeless is not None and is_hopeless(here, learnt.slopes):
+                break
+            learnt = slope.learnt(here)
+    return here, learnt
 
 
-def _first_step(slope: Slope, here: Place, slopes: Floats) -> Step | None:
+def _first_step(slope: Slope, here: Place, learnt: Learnt) -> Step | None:
     """The usual step, or that as if all blocks of a channel scattered alike: whichever leads to what is likelier.
 
     Where the simulation is wrong by much, blocks scatter by much and say little: what would put all of them right is
     not tried by the usual one.
     """
-    rows, usual = slope.rows, slope.step(here, slopes)
+    rows, usual = slope.rows, slope.step(here, learnt)
     power = np.sum(here.left**2, axis=0, where=rows.used) / np.maximum(np.sum(rows.used, axis=0), 1)
     alike = np.sqrt(np.maximum(power, np.maximum(np.nan_to_num(slope.floor), _STILL) ** 2))
-    other = slope.step(here._replace(scatter=np.tile(alike, (len(here.scatter), 1))), slopes)
+    other = slope.step(here._replace(scatter=np.tile(alike, (len(here.scatter), 1))), learnt)
     if usual is None or other is None:
         return usual or other
     per_row = correlated_rows(other.there.left / other.there.scatter[rows.block], rows.used)

@@ -34,7 +34,14 @@ from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
-from dsz_daemon.diagnose.smooth_roads import SURER, bends, leaning, leans_on_a_bank, rows_as_one
+from dsz_daemon.diagnose.smooth_roads import (
+    SURER,
+    bends,
+    leaning,
+    leans_on_a_bank,
+    rows_as_one,
+    slopes_of_bends,
+)
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -77,6 +84,7 @@ class Fit(NamedTuple):
 
     `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
+    `is_exact`: judged by the slopes of its end, not of where it came from.
     """
 
     x: Floats
@@ -93,6 +101,7 @@ class Fit(NamedTuple):
     together: Mapping[str, Floats]
     felt: Felt
     covariance: Floats
+    is_exact: bool = True
 
 
 class Slopes(NamedTuple):
@@ -200,8 +209,10 @@ def fitted(
     floor = _floors(drive, rows, x, effects, felt)
     slope = Slope(drive, rows, floor, columns, sizes, taken, box, leans_on_a_bank(effects))
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
-    here, slopes = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
-    return judged(here, taken(here) if known is None else slopes)
+    here, learnt = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
+    if known is None and not learnt.is_exact:
+        learnt = slope.learnt(here)
+    return judged(here, learnt.slopes)._replace(is_exact=learnt.is_exact)
 
 
 def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt: Felt) -> Floats:
@@ -217,6 +228,8 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
 
 def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
     """A fit judged by the slopes that it has at its end."""
+    if fit.is_exact:
+        return fit
     base = predicted(drive, fit.x, fit.road)
     slopes = sensitivities(drive, rows, fit.x, fit.road, base, fit.columns, fit.felt, each)
     bent = bends(drive, fit.road, fit.x) if leans_on_a_bank(fit.effects) else np.zeros(0)
@@ -233,7 +246,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     box = _room(drive, x, columns, tolerance)
     hang = np.ones(len(columns))
     if leans_on_a_bank(effects):
-        lean = leaning(drive, here.felt, x, here.bent)
+        lean = leaning(slopes_of_bends(drive, here.felt, x, here.bent), here.bent)
         places = [columns.index(column) for column in lean.columns]
         box.weight[places] += np.diag(lean.squares)
         # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.

@@ -47,6 +47,7 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "drive_steer", "brake_steer"}
 )
+_OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
@@ -237,6 +238,11 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
     aside = at("drive_steer"), at("brake_steer")
     return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad, aside)
+
+
+def of_roll(x: Floats) -> Floats:
+    """The parameters of `ROLL`."""
+    return np.asarray(x[_OF_ROLL])
 
 
 def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:

@@ -13,9 +13,18 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import FORM, Each, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
-from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, correction, flat, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import (
+    Drive,
+    Moving,
+    Profiles,
+    correction,
+    flat,
+    of_roll,
+    predicted,
+    rolls_of,
+)
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
-from dsz_daemon.diagnose.rolling import earlier
+from dsz_daemon.diagnose.rolling import Rolling, earlier
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -64,6 +73,7 @@ class Felt:
         self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
         self.is_anew = False
         self._turned: tuple[bytes, Floats] | None = None
+        self._rolled: tuple[bytes, Rolling] | None = None
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
             self._first = self.blown(start, effects)._first
@@ -151,10 +161,18 @@ class Felt:
         if self._turned is None or self._turned[0] != key:
             level = flat(len(self._drive.steer))
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
-            left = np.nan_to_num(self._drive.measured[:, :2] - predicted(self._drive, alone, level)[:, :2])
+            shown = predicted(self._drive, alone, level, self._rolls(level, alone))
+            left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2])
             yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]])
             self._turned = key, np.column_stack([left, yaw])
         return self._turned[1]
+
+    def _rolls(self, level: Profiles, x: Floats) -> Rolling:
+        """What is known on a level road before the car moves sideways; kept for the next call, as `_turning` is."""
+        key = of_roll(x).tobytes()
+        if self._rolled is None or self._rolled[0] != key:
+            self._rolled = key, rolls_of(self._drive, x, level)
+        return self._rolled[1]
 
 
 def _in_time(told: Floats, x: Floats) -> Floats:
@@ -176,8 +194,11 @@ def _with_tilt(
     more = [np.broadcast_to(lean * added, n) for lean, added in zip(leans, corrections, strict=True)]
     p, q, yaw = (np.ascontiguousarray(turning[:, i]) for i in range(3))
     tilts = _integrated(p, q, yaw, np.ascontiguousarray(more[0]), np.ascontiguousarray(more[1]), banks, climbs)
-    bank, slope = (_in_time(tilt, x) / lean for tilt, lean in zip(tilts, leans, strict=True))
-    return road._replace(bank_rad=filtered(bank, _ROAD_KERNEL), grade_rad=-filtered(slope, _ROAD_KERNEL))
+    bank, slope = (
+        filtered(_in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
+        for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
+    )
+    return road._replace(bank_rad=bank, grade_rad=-slope)
 
 
 def leans_too(x: Floats, lean_share: float) -> tuple[float, float]:

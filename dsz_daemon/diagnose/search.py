@@ -7,14 +7,14 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
@@ -23,14 +23,15 @@ from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_mom
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import Screening, screened
-from dsz_daemon.diagnose.shape_beside import shape_beside
+from dsz_daemon.diagnose.shape_beside import likeliest_shape
+from dsz_daemon.diagnose.smaller import Grown, plausible, share_of_all, without_trifles
 from dsz_daemon.diagnose.starts import Start, starts_of
-from dsz_daemon.diagnose.unlisted import Found, best_shape
+from dsz_daemon.diagnose.unlisted import Found
 
 Progress = Callable[[str], None]
 
-# What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
-_SHARE_OF_ALL, _SHARE_OF_WIND = 0.015, 0.3
+# Beside a wind, of what it gains, what a car does.
+_SHARE_OF_WIND = 0.3
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
 # The most promising of two at once.
@@ -108,21 +109,19 @@ def searched(
         starts = [start for start in starts_of(drive, rows, best, screening.names, each) if not set(start[0]) & refused]
         tried = _ranked(drive, best, _judged(trial, each(trial.fit, starts), each))
         named = max((step.gain for step in tried), default=0.0)
-        shape = _likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
+        shape = likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
-            say(f"{shape.channel} has a shape without a name: {shape.shape}")
-            name, start = shape.effect.name, best.x.copy()
-            gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
-            # One that had to go may come back.
-            if name not in {effect.name for effect in drive.vocabulary.effects}:
-                shapes.append(shape)
-                drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
-                nominal, start = nominal._replace(x=np.append(nominal.x, 0.0)), np.append(start, 0.0)
-            start[list(drive.vocabulary.columns_of(name))] = shape.value
-            best = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
-            continue
+            there, shaped = _shaped(drive, rows, best, shape, tolerance, each)
+            if shape.gain >= share_of_all(gains) or is_beyond_form(drive, best, shaped):
+                say(f"{shape.channel} has a shape without a name: {shape.shape}")
+                name, drive, best = shape.effect.name, there, shaped
+                gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
+                # One that had to go may come back.
+                shapes += [] if name in {known.effect.name for known in shapes} else [shape]
+                nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
+                continue
         beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
-        tried = _enough_first(drive, best, tried, _share(gains), beside * best.felt.is_anew) or _two_at_once(
+        tried = _enough_first(drive, best, tried, share_of_all(gains), beside * best.felt.is_anew) or _two_at_once(
             trial, screening, refused, each
         )
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
@@ -131,8 +130,8 @@ def searched(
         if not tried:
             break
         before, gained_before, new = best, dict(gains), tried[0].effect
-        settled = _settled(drive, rows, best, tried[0], tolerance, each)
-        if settled is not None:
+        grown = Grown(drive, rows, tolerance, best, tried[0].fit, each)
+        if (settled := grown.settled()) is not None:
             best = settled
             continue
         rivals |= _rivals(best, tried, _rank(drive, best, tried))
@@ -143,8 +142,9 @@ def searched(
         best, gains[new] = tried[0].fit, tried[0].gain
         if not best.road.bank_rad.any() and not best.road.grade_rad.any():
             best = fitted(drive, rows, best.x, best.effects, tolerance, _WELL, each)
-        best = _without_idle(drive, rows, best, tolerance, gains, each)
-        best, wrong = _plausible(drive, rows, before, best, tolerance, each)
+            grown = Grown(drive, rows, tolerance, before, best, each)
+        best = grown.without_idle(gains)
+        best, wrong = plausible(drive, rows, before, best, tolerance, each)
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
@@ -153,7 +153,7 @@ def searched(
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """Without trifles, and what was found of them."""
-    best = _without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    best = without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
     best = in_the_middle(found.drive, found.rows, best, tolerance, each)
     shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
     return found._replace(best=best, rivals={effect: found.rivals[effect] for effect in best.effects}, shapes=shapes)
@@ -168,19 +168,16 @@ def _with_wind_anew(trial: _Trial, each: Each) -> Fit | None:
     return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
 
 
-def _share(gains: Mapping[str, float]) -> float:
-    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
-    return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
-
-
-def _likeliest_shape(
-    drive: Drive, rows: Rows, best: Fit, known: Slopes, tolerance: Mapping[str, float], *, beside: bool
-) -> Found | None:
-    """What has no name, found in what is left, or `beside` all that is fitted again."""
-    shapes = [best_shape(drive, rows, best)]
-    if beside:
-        shapes.append(shape_beside(drive, rows, best, known, tolerance, quiet(drive, best)))
-    return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
+def _shaped(
+    drive: Drive, rows: Rows, best: Fit, shape: Found, tolerance: Mapping[str, float], each: Each
+) -> tuple[Drive, Fit]:
+    """The drive whose vocabulary has the shape, too, and the model with it."""
+    start, name = best.x.copy(), shape.effect.name
+    if name not in {effect.name for effect in drive.vocabulary.effects}:
+        drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
+        start = np.append(start, 0.0)
+    start[list(drive.vocabulary.columns_of(name))] = shape.value
+    return drive, fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
 
 
 def _two_at_once(trial: _Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:
@@ -253,9 +250,9 @@ class _Trial:
         asked = is_hopeless if new in OWN_CHANNEL else None
         return fitted(self.drive, self.rows, x, effects, self.tolerance, known=known, felt=felt, is_hopeless=asked)
 
-    def judge(self, step: Step) -> Step:
+    def judge(self, step: Step, each: Each = map) -> Step:
         """By its own slopes, and by what other manoeuvres say."""
-        effect, fit = step.effect, exactly(self.drive, self.rows, step.fit, self.tolerance)
+        effect, fit = step.effect, exactly(self.drive, self.rows, step.fit, self.tolerance, each)
         gain = gained(self.drive, self.best, fit)
         # What is there for a while, or at the limit only, is in few of the manoeuvres.
         if effect not in _RARE and gain > LEAST_GAIN and self._elsewhere(fit) < _DENIED * gain:
@@ -272,7 +269,7 @@ def _judged(trial: _Trial, tried: Iterable[Step], each: Each) -> list[Step]:
     rest, judged = sorted(tried, key=lambda step: -step.gain), list[Step]()
     while rest and rest[0].gain > max([_HOPELESS, *(step.gain for step in judged)]):
         enough = max(min(_HOPEFUL * rest[0].gain, rest[0].gain - _OFF), _HOPELESS)
-        judged += each(trial.judge, [step for step in rest if step.gain > enough])
+        judged += all_hands(trial.judge, [step for step in rest if step.gain > enough], each)
         rest = [step for step in rest if step.gain <= enough]
     return judged
 
@@ -318,71 +315,6 @@ def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_
     gaining = [step for step in ranked if gains_enough(step)]
     gaining.sort(key=lambda step: not is_told(drive, step.fit, step.effect))
     return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
-
-
-def _without(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str], each: Each
-) -> Fit:
-    start = best.x.copy()
-    for effect in effects:
-        start[list(drive.vocabulary.columns_of(effect))] = 0.0
-    rest = tuple(name for name in best.effects if name not in effects)
-    return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
-
-
-def _settled(drive: Drive, rows: Rows, best: Fit, step: Step, tolerance: Mapping[str, float], each: Each) -> Fit | None:
-    """The model as a step's fit leaves it but without the step's effect, if that is all that the step gains.
-
-    Beside a road fits are not settled: what any other candidate would have brought, too, is the model's own.
-    """
-    if not OWN_CHANNEL.keys() & set(best.effects):
-        return None
-    settled = _without(drive, rows, step.fit, tolerance, (step.effect,), each)
-    return settled if gained(drive, settled, step.fit) < LEAST_GAIN < gained(drive, best, settled) else None
-
-
-def _plausible(
-    drive: Drive, rows: Rows, before: Fit, best: Fit, tolerance: Mapping[str, float], each: Each
-) -> tuple[Fit, set[str]]:
-    """The model without effects that want to be what they can't be beside the newest, and what is refused next.
-
-    Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains less than
-    what it drives out, has to go itself: then the model is the one `before`.
-    """
-    new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
-    if not wrong:
-        return best, wrong
-    rest = _without(drive, rows, best, tolerance, wrong, each)
-    # Neither is the larger one: each is held against the other by its own independent rows.
-    if new not in wrong and gained(drive, rest, before) > max(gained(drive, before, rest), LEAST_GAIN):
-        return before, {new}
-    return rest, wrong
-
-
-def _without_idle(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: dict[str, float], each: Each
-) -> Fit:
-    """Each earlier effect is tried without: what another explains better has to go."""
-    for effect in best.effects[:-1]:
-        smaller = _without(drive, rows, best, tolerance, (effect,), each)
-        gains[effect] = gained(drive, smaller._replace(form=rows.form), best)
-        if gains[effect] < LEAST_GAIN:
-            best = smaller
-    return best
-
-
-def _without_trifles(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
-) -> Fit:
-    """What came early has to gain its share of all that was gained in the end, too."""
-    least = _share({effect: gains[effect] for effect in best.effects})
-    trifles = [
-        effect
-        for effect in best.effects
-        if gains[effect] < least
-        and not is_beyond_form(drive, _without(drive, rows, best, tolerance, (effect,), each), best)
-    ]
-    return _without(drive, rows, best, tolerance, trifles, each) if trifles else best
 
 
 def slopes_of(found: Search, columns: Sequence[int], each: Each = map) -> Floats:

@@ -11,8 +11,9 @@ from dsz_daemon.diagnose.comparison import Bools, Rows, floors
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of
+from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
-from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, library, unit_of
+from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, best_shape, library, unit_of
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So many are judged on blocks that they have not seen: those that take the most off what is left.
@@ -31,6 +32,16 @@ class _Shape(NamedTuple):
     square: Floats
     cross: Floats
     pull: Floats
+
+
+def likeliest_shape(
+    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], *, beside: bool
+) -> Found | None:
+    """What has no name, found in what is left, or `beside` all that is fitted again: what gains more."""
+    shapes = [best_shape(drive, rows, fit)]
+    if beside:
+        shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit)))
+    return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
 
 
 def shape_beside(

@@ -67,14 +67,20 @@ def unevenness(bent: Floats, usual: float) -> float:
     return 0.5 * SURER * float(np.sum((bent / usual) ** 2))
 
 
-def leaning(drive: Drive, felt: Callable[[Floats], Profiles], x: Floats, bent: Floats) -> Leaning:
-    """By secants: what another lean makes of how the bank is `bent` (k,)."""
-    weight, slopes = SURER / roughness(bent) ** 2, np.empty((len(bent), len(_NUMBERS)))
+def slopes_of_bends(drive: Drive, felt: Callable[[Floats], Profiles], x: Floats, bent: Floats) -> Floats:
+    """What another lean makes of how the bank is `bent` (k,): secants (k, 3) over the numbers of a lean."""
+    slopes = np.empty((len(bent), len(_NUMBERS)))
     for i, column in enumerate(_NUMBERS):
         parameter, moved = drive.vocabulary.columns[column][1], x.copy()
         step = 0.1 * parameter.step if x[column] + parameter.step <= parameter.high else -0.1 * parameter.step
         moved[column] += step
         slopes[:, i] = (bends(drive, felt(moved), moved) - bent) / step
+    return slopes
+
+
+def leaning(slopes: Floats, bent: Floats) -> Leaning:
+    """What a bank that is `bent` (k,) says of the lean that it is felt with; `slopes` as of `slopes_of_bends`."""
+    weight = SURER / roughness(bent) ** 2
     return Leaning(list(_NUMBERS), weight * (slopes.T @ slopes), -weight * (slopes.T @ bent))
 
 

@@ -12,7 +12,6 @@ from core_cases import TUCSON
 
 from dsz_daemon.diagnose import answer, prediction
 from dsz_daemon.diagnose import fit as fitting
-from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.drives import drive_of
@@ -120,7 +119,8 @@ def test_what_had_to_go_may_come_back_beside_what_came_later(monkeypatch: pytest
         looked.append(fit.effects)
         return len(looked) == 2
 
-    monkeypatch.setattr("dsz_daemon.diagnose.search.is_implausible", is_implausible_at_first)
+    for room in ("search", "smaller"):
+        monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_at_first)
     search = found(drive({"wheel_radius.rl": -0.01, "gyro_scale.y": 0.0, "accel_scale.y": 0.05}, CITY_V, CITY_STEER))
     assert len(looked) > 1
     assert {"wheel_radius", "accel_scale"} <= set(search.best.effects)
@@ -135,7 +135,8 @@ def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_mo
     def is_implausible_beside(_drive: Drive, _rows: Any, fit: Any, effect: str) -> bool:
         return effect == "accel_scale" and "wheel_radius" in fit.effects
 
-    monkeypatch.setattr("dsz_daemon.diagnose.search.is_implausible", is_implausible_beside)
+    for room in ("search", "smaller"):
+        monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_beside)
     search = found(drive({"accel_scale.y": scale, "wheel_radius.rl": -radius}, CITY_V, CITY_STEER))
     assert search.best.effects[0] == stays
     assert not {"accel_scale", "wheel_radius"} <= set(search.best.effects)
@@ -148,49 +149,13 @@ def test_what_had_to_go_is_not_tried_again_beside_the_same(monkeypatch: pytest.M
     def alone(_drive: Drive, _rows: Any, before: Any, best: Any, *_: Any) -> tuple[Any, set[str]]:
         return (before, {best.effects[-1]}) if before.effects else (best, set())
 
-    monkeypatch.setattr("dsz_daemon.diagnose.search._plausible", alone)
+    monkeypatch.setattr("dsz_daemon.diagnose.search.plausible", alone)
     said: list[str] = []
     one = drive({"accel_scale.y": 0.2, "wheel_radius.rl": -0.003, "gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
     search = searched(one, rows_of(one), TOLERANCE, said.append)
     # Where no name may stay, a shape may.
     assert len([effect for effect in search.best.effects if ":" not in effect]) == 1
     assert 4 <= sum(words.startswith("screening") for words in said) <= 8
-
-
-@pytest.mark.parametrize(
-    ("effects", "newest_gains", "without_gains", "is_settled"),
-    [
-        (("road_bank",), 9.0, 50.0, True),
-        (("wheel_slip", "side_wind"), 9.0, 11.0, True),
-        (("road_bank",), 11.0, 50.0, False),
-        (("road_bank",), 9.0, 9.0, False),
-        (("wheel_slip",), 9.0, 50.0, False),
-        ((), 9.0, 50.0, False),
-    ],
-)
-def test_beside_a_road_what_any_candidate_would_bring_is_the_models_own(
-    monkeypatch: pytest.MonkeyPatch,
-    effects: tuple[str, ...],
-    newest_gains: float,
-    without_gains: float,
-    is_settled: bool,
-) -> None:
-    """A fit with a road is not settled: what is gained without the newest, too, is no reason to name that."""
-    best, fit, without = (SimpleNamespace(effects=there) for there in (effects, (*effects, "gyro_scale"), effects))
-    none: Any = None
-
-    def refitted(_: Any, __: Any, start: Any, ___: Any, newest: Any, ____: Any) -> Any:
-        assert (start, newest) == (fit, ("gyro_scale",))
-        return without
-
-    def gains(_: Any, smaller: Any, larger: Any) -> float:
-        return {(id(without), id(fit)): newest_gains, (id(best), id(without)): without_gains}[id(smaller), id(larger)]
-
-    monkeypatch.setattr(search_module, "_without", refitted)
-    monkeypatch.setattr(search_module, "gained", gains)
-    the_best: Any = best
-    found = search_module._settled(none, none, the_best, Step("gyro_scale", 60.0, fit), {}, map)
-    assert found is (without if is_settled else None)
 
 
 @pytest.mark.parametrize(("road", "effect"), [("road_bank", "suspension_roll"), ("road_grade", "suspension_pitch")])
@@ -610,7 +575,7 @@ def test_where_the_best_is_denied_the_next_is_judged() -> None:
     """By slopes that are a step old: 1000, 300, 5, -40; the first is denied, the last is hopeless."""
     asked: list[str] = []
 
-    def judge(step: Step) -> Step:
+    def judge(step: Step, _each: Any) -> Step:
         asked.append(step.effect)
         return step._replace(gain=-np.inf if step.effect == "first" else step.gain)
 

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt, by_the_lean
 from dsz_daemon.diagnose.screening import feels, screened
-from dsz_daemon.diagnose.search import Step, _enough_first, _rank, _rivals, _Trial, _two_at_once, _without_trifles
+from dsz_daemon.diagnose.search import Step, _enough_first, _rank, _rivals, _Trial, _two_at_once
 from dsz_daemon.diagnose.starts import starts_of
 
 YAW, ACROSS = 2, 4
@@ -94,23 +94,6 @@ def test_what_gains_too_little_stands_in_nobodys_way(monkeypatch: pytest.MonkeyP
     # What a fit tells nothing of comes after the others, however much it gains.
     vague |= {"first"}
     assert order(50.0) == ["second", "third", "first"]
-
-
-def test_what_came_early_has_to_gain_its_share_of_all_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = drive({"gyro_scale.z": 0.05, "wheel_radius.rl": -0.01}, CITY_V, CITY_STEER)
-    rows = rows_of(one)
-    both = fitted(one, rows, nothing(), ("gyro_scale", "wheel_radius"), TOLERANCE)
-
-    def kept(gain: float) -> tuple[str, ...]:
-        gains = {"gyro_scale": gain, "wheel_radius": 1000.0}
-        return _without_trifles(one, rows, both, TOLERANCE, gains, map).effects
-
-    monkeypatch.setattr(search_module, "is_beyond_form", lambda *_: False)
-    assert kept(16.0) == both.effects
-    assert kept(14.0) == ("wheel_radius",)
-    # But for what puts right what was far off without it.
-    monkeypatch.setattr(search_module, "is_beyond_form", lambda _, smaller, __: smaller.effects == ("wheel_radius",))
-    assert kept(14.0) == both.effects
 
 
 def test_an_effect_is_told_where_one_of_its_numbers_is() -> None:

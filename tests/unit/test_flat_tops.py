@@ -12,12 +12,14 @@ from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import exactly, fitted
 from dsz_daemon.diagnose.flat_tops import FlatTop, flat_top
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import recorded, white_std
 from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import _share, _Trial, gained
+from dsz_daemon.diagnose.search import _Trial
+from dsz_daemon.diagnose.smaller import share_of_all
 from dsz_daemon.pipeline.grid import Signal
 
 STEP = 0.001
@@ -163,7 +165,7 @@ def test_what_was_guessed_is_judged_by_its_slopes_where_it_ends() -> None:
 
 
 def test_that_a_sensor_clips_asks_no_more_of_what_comes_beside_it() -> None:
-    assert _share({"sensor_saturation": 9e4, "wheel_slip": 2000.0}) == pytest.approx(30.0)
+    assert share_of_all({"sensor_saturation": 9e4, "wheel_slip": 2000.0}) == pytest.approx(30.0)
 
 
 def test_a_limit_that_readings_tell_is_as_sure_as_they_are() -> None:

@@ -1,0 +1,105 @@
+"""Models with an effect less: what of a larger one had to go, and what the rest is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import cached_property
+
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, fitted
+from dsz_daemon.diagnose.gains import gained, is_beyond_form
+from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.prediction import Drive
+
+# What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
+_SHARE_OF_ALL = 0.015
+
+
+def share_of_all(gains: Mapping[str, float]) -> float:
+    """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
+    return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
+
+
+def without(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str], each: Each
+) -> Fit:
+    """The model fitted again without these effects."""
+    start = best.x.copy()
+    for effect in effects:
+        start[list(drive.vocabulary.columns_of(effect))] = 0.0
+    rest = tuple(name for name in best.effects if name not in effects)
+    return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
+
+
+class Grown:
+    """A model with one effect more than it had `before`, and what it is with one less, fitted side by side."""
+
+    def __init__(
+        self, drive: Drive, rows: Rows, tolerance: Mapping[str, float], before: Fit, now: Fit, each: Each = map
+    ) -> None:
+        self._drive, self._rows, self._tolerance, self._each = drive, rows, tolerance, each
+        self._before, self._now = before, now
+        self._is_on_a_road = bool(OWN_CHANNEL.keys() & set(before.effects))
+
+    def settled(self) -> Fit | None:
+        """The model without its newest effect, if that is all it gains over what it was before.
+
+        Beside a road fits are not settled: what any other candidate would have brought, too, is the model's own.
+        """
+        if not self._is_on_a_road:
+            return None
+        rest = self._smaller[self._now.effects[-1]]
+        is_all = gained(self._drive, rest, self._now) < LEAST_GAIN < gained(self._drive, self._before, rest)
+        return rest if is_all else None
+
+    def without_idle(self, gains: dict[str, float]) -> Fit:
+        """Each earlier effect is tried without: what another explains better has to go. Writes what the others gain."""
+        best = self._now
+        for effect in self._now.effects[:-1]:
+            rest = self._smaller[effect] if best is self._now else self._without(best, effect, self._each)
+            gains[effect] = gained(self._drive, rest._replace(form=self._rows.form), best)
+            if gains[effect] < LEAST_GAIN:
+                best = rest
+        return best
+
+    @cached_property
+    def _smaller(self) -> dict[str, Fit]:
+        effects = self._now.effects if self._is_on_a_road else self._now.effects[:-1]
+        fits = all_hands(lambda effect, each: self._without(self._now, effect, each), effects, self._each)
+        return dict(zip(effects, fits, strict=True))
+
+    def _without(self, fit: Fit, effect: str, each: Each) -> Fit:
+        return without(self._drive, self._rows, fit, self._tolerance, (effect,), each)
+
+
+def plausible(
+    drive: Drive, rows: Rows, before: Fit, best: Fit, tolerance: Mapping[str, float], each: Each
+) -> tuple[Fit, set[str]]:
+    """The model without effects that want to be what they can't be beside the newest, and what is refused next.
+
+    Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains less than
+    what it drives out, has to go itself: then the model is the one `before`.
+    """
+    new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
+    if not wrong:
+        return best, wrong
+    rest = without(drive, rows, best, tolerance, wrong, each)
+    # Neither is the larger one: each is held against the other by its own independent rows.
+    if new not in wrong and gained(drive, rest, before) > max(gained(drive, before, rest), LEAST_GAIN):
+        return before, {new}
+    return rest, wrong
+
+
+def without_trifles(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
+) -> Fit:
+    """What came early has to gain its share of all that was gained in the end, too."""
+    least = share_of_all({effect: gains[effect] for effect in best.effects})
+    trifles = [
+        effect
+        for effect in best.effects
+        if gains[effect] < least
+        and not is_beyond_form(drive, without(drive, rows, best, tolerance, (effect,), each), best)
+    ]
+    return without(drive, rows, best, tolerance, trifles, each) if trifles else best

@@ -1,0 +1,121 @@
+"""diagnose: what a model is with an effect less, and what of it has to go."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose import smaller as smaller_module
+from dsz_daemon.diagnose.comparison import all_hands, rows_of
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.smaller import Grown, without_trifles
+
+
+@pytest.mark.parametrize(
+    ("effects", "newest_gains", "without_gains", "is_settled"),
+    [
+        (("road_bank",), 9.0, 50.0, True),
+        (("wheel_slip", "side_wind"), 9.0, 11.0, True),
+        (("road_bank",), 11.0, 50.0, False),
+        (("road_bank",), 9.0, 9.0, False),
+        (("wheel_slip",), 9.0, 50.0, False),
+        ((), 9.0, 50.0, False),
+    ],
+)
+def test_beside_a_road_what_any_candidate_would_bring_is_the_models_own(
+    monkeypatch: pytest.MonkeyPatch,
+    effects: tuple[str, ...],
+    newest_gains: float,
+    without_gains: float,
+    is_settled: bool,
+) -> None:
+    """A fit with a road is not settled: what is gained without the newest, too, is no reason to name that."""
+    best, fit, without = (SimpleNamespace(effects=there) for there in (effects, (*effects, "gyro_scale"), effects))
+    none: Any = None
+    asked: list[str] = []
+
+    def refitted(_: Any, __: Any, start: Any, ___: Any, newest: tuple[str], ____: Any) -> Any:
+        assert start is fit
+        asked.extend(newest)
+        return without if newest == ("gyro_scale",) else none
+
+    def gains(_: Any, smaller: Any, larger: Any) -> float:
+        return {(id(without), id(fit)): newest_gains, (id(best), id(without)): without_gains}[id(smaller), id(larger)]
+
+    monkeypatch.setattr(smaller_module, "without", refitted)
+    monkeypatch.setattr(smaller_module, "gained", gains)
+    the_best: Any = best
+    the_fit: Any = fit
+    found = Grown(none, none, {}, the_best, the_fit).settled()
+    assert found is (without if is_settled else None)
+    # What is tried without each of its effects is, at once; where nothing is unsettled, nothing is fitted.
+    on_a_road = set(effects) & {"road_bank", "side_wind"}
+    assert asked == ([*effects, "gyro_scale"] if on_a_road else [])
+
+
+def test_each_earlier_effect_is_tried_without_and_again_without_what_had_to_go(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The second explains nothing that others do not; what the third gains is what it gains without the second."""
+    asked: list[tuple[str, ...]] = []
+
+    def refitted(_: Any, __: Any, start: Any, ___: Any, less: tuple[str], ____: Any) -> Any:
+        asked.append((*start.effects, *("-" + name for name in less)))
+        return SimpleNamespace(
+            effects=tuple(name for name in start.effects if name not in less), _replace=lambda form: less
+        )
+
+    def gains(_: Any, less: tuple[str], larger: Any) -> float:
+        return {"first": 50.0, "second": 9.0, "third": 11.0 if "second" in larger.effects else 30.0}[less[0]]
+
+    monkeypatch.setattr(smaller_module, "without", refitted)
+    monkeypatch.setattr(smaller_module, "gained", gains)
+    rows: Any = SimpleNamespace(form=None)
+    none: Any = None
+    now: Any = SimpleNamespace(effects=("first", "second", "third", "newest"))
+    before: Any = SimpleNamespace(effects=("first", "second", "third"))
+    found: dict[str, float] = {}
+    best = Grown(none, rows, {}, before, now).without_idle(found)
+    assert best.effects == ("first", "third", "newest")
+    assert found == {"first": 50.0, "second": 9.0, "third": 30.0}
+    assert asked == [
+        *((*now.effects, "-" + name) for name in ("first", "second", "third")),
+        ("first", "third", "newest", "-third"),
+    ]
+
+
+@pytest.mark.parametrize("works", [["one"], ["one", "other"]])
+def test_one_work_alone_has_all_hands_and_several_have_one_each(works: list[str]) -> None:
+    def each(task: Any, items: Any) -> Any:
+        return map(task, items)
+
+    used: list[Any] = []
+
+    def task(work: str, hands: Any) -> str:
+        used.append(hands)
+        return work.upper()
+
+    assert all_hands(task, works, each) == [work.upper() for work in works]
+    assert used == ([each] if len(works) == 1 else [map, map])
+    assert all_hands(task, [], each) == []
+
+
+def test_what_came_early_has_to_gain_its_share_of_all_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({"gyro_scale.z": 0.05, "wheel_radius.rl": -0.01}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    both = fitted(one, rows, nothing(), ("gyro_scale", "wheel_radius"), TOLERANCE)
+
+    def kept(gain: float) -> tuple[str, ...]:
+        gains = {"gyro_scale": gain, "wheel_radius": 1000.0}
+        return without_trifles(one, rows, both, TOLERANCE, gains, map).effects
+
+    monkeypatch.setattr(smaller_module, "is_beyond_form", lambda *_: False)
+    assert kept(16.0) == both.effects
+    assert kept(14.0) == ("wheel_radius",)
+    # But for what puts right what was far off without it.
+    monkeypatch.setattr(smaller_module, "is_beyond_form", lambda _, smaller, __: smaller.effects == ("wheel_radius",))
+    assert kept(14.0) == both.effects
