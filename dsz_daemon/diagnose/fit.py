@@ -64,6 +64,9 @@ _WAYS_TO_BE_WRONG = 8
 _WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
+# A road that banks turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
+# by so much. How high a C.G. stands nobody has said.
+_ABOVE_THE_WAY_M, _ARM_UP = 0.3, INDEX["imu_lever_arm.z_m"]
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -264,6 +267,8 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     least = np.array([words.columns[i][1].least for i in columns])
     std = np.hypot(std, np.where(np.isfinite(least), _OF_THE_LEAST * least, 0.0))
+    if "road_bank" in effects and _ARM_UP in columns:
+        std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], _ABOVE_THE_WAY_M)
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)

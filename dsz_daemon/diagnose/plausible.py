@@ -42,6 +42,9 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
+    # A C.G. that stands above the way on which a road turns is no arm: beside a bank that is all such an arm may be.
+    if effect == "imu_lever_arm" and "road_bank" in fit.effects and not is_told(drive, fit, effect):
+        return True
     return _ends(drive, fit, effect)
 
 
