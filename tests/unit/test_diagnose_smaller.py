@@ -5,14 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
+from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import smaller as smaller_module
 from dsz_daemon.diagnose.comparison import all_hands, rows_of
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.smaller import Grown, without_trifles
+from dsz_daemon.diagnose.unlisted import Found, as_effect
 
 
 @pytest.mark.parametrize(
@@ -119,3 +123,29 @@ def test_what_came_early_has_to_gain_its_share_of_all_in_the_end(monkeypatch: py
     # But for what puts right what was far off without it.
     monkeypatch.setattr(smaller_module, "is_beyond_form", lambda _, smaller, __: smaller.effects == ("wheel_radius",))
     assert kept(14.0) == both.effects
+
+
+@pytest.mark.parametrize(("gain", "beyond", "is_in"), [(30.0, False, False), (30.0, True, True), (1e4, False, True)])
+def test_a_shape_that_gains_a_trifle_is_not_taken_up(
+    monkeypatch: pytest.MonkeyPatch, gain: float, beyond: bool, is_in: bool
+) -> None:
+    """A tenth of 654 is more than 30: it would be gone in the end; unless it does what no error of form does."""
+    one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
+    effect = as_effect("accel_z", "vx", one.wheels[:, 0] - float(np.mean(one.wheels[:, 0])), "(m/s2)/(m/s)", 1e-3)
+
+    def shape(_drive: Any, _rows: Any, best: Any, *_: Any, **__: Any) -> Found | None:
+        if "gyro_scale" not in best.effects or effect.name in best.effects:
+            return None
+        return Found(effect, "accel_z", "k*vx", 0.1, gain, 1e-4, 1e-5)
+
+    monkeypatch.setattr(search_module, "likeliest_shape", shape)
+    monkeypatch.setattr(smaller_module, "_SHARE_OF_ALL", 0.1)
+    for room in (search_module, smaller_module):
+        monkeypatch.setattr(room, "is_beyond_form", lambda *_: beyond)
+    said: list[str] = []
+    found = searched(one, rows_of(one), TOLERANCE, said.append)
+    assert 400.0 < found.gains["gyro_scale"] < 1000.0
+    assert any("shape without a name" in words for words in said) is is_in
+    assert (effect.name in found.best.effects) is is_in
+    assert [shape.effect.name for shape in found.shapes] == [effect.name] * is_in
+    assert len(found.nominal.x) == len(found.best.x)
