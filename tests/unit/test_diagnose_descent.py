@@ -260,3 +260,23 @@ def test_where_one_first_step_only_goes_up_the_other_is_taken(dead: str) -> None
 def place_of(left: np.ndarray, blocks: int = 3) -> Place:
     none: Any = None
     return Place(none, none, none, none, left, np.ones((blocks, 13)), np.zeros(0))
+
+
+@pytest.mark.parametrize("hopeless", [True, False])
+def test_where_no_step_gets_further_what_is_hopeless_takes_no_other_slopes(hopeless: bool) -> None:
+    """One step down, then none by slopes that were turned: with others it may go on."""
+    falling: Any = Falling()
+    down, asked = falling.step, list[int]()
+
+    def step(here: Place, learnt: Learnt) -> Step | None:
+        return None if falling.losses and not learnt.is_exact else down(here, learnt)
+
+    def is_hopeless(_here: Place, _slopes: np.ndarray) -> bool:
+        asked.append(len(falling.losses))
+        return hopeless
+
+    falling.step = step
+    here = place_of(np.full((100, 13), 3.0), blocks=1)
+    descent.descended(falling, here, None, 1e-9, is_hopeless=is_hopeless)
+    assert asked[0] == 1
+    assert falling.taken_at[:2] == ([0] if hopeless else [0, 1])

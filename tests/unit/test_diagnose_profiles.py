@@ -348,3 +348,18 @@ def test_slopes_know_that_a_late_imus_forces_are_put_back_in_time() -> None:
     held = (predicted(one, there, felt(x)) - base)[rows.at, 0] / step
     used = rows.used[:, 0]
     assert np.std((slope - expected)[used]) < 0.1 * np.std((held - expected)[used])
+
+
+def test_what_a_level_road_lets_roll_is_kept_for_the_same_wheels_alone() -> None:
+    """A larger wheel makes another speed, another lean, and so another bank of the same readings."""
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.02
+    other = x.copy()
+    other[INDEX["wheel_radius.rl"]] = other[INDEX["wheel_radius.rr"]] = 0.05
+    effects = ("road_bank", "suspension_roll", "wheel_radius")
+    felt = Felt(one, x, effects)
+    before = felt(x)
+    there = felt(other)
+    np.testing.assert_array_equal(there.bank_rad, Felt(one, other, effects)(other).bank_rad)
+    assert np.max(np.abs(there.bank_rad - before.bank_rad)) > 1e-3
+    np.testing.assert_array_equal(felt(x).bank_rad, before.bank_rad)

@@ -340,3 +340,20 @@ def test_city_bends_are_told_from_a_bank_too() -> None:
     found = searched(one, rows_of(one), TOLERANCE)
     assert set(found.best.effects) == set(BOTH)
     assert found.best.x[ROLL] == pytest.approx(0.012, rel=0.05)
+
+
+def test_what_is_learnt_of_a_lean_beside_a_bank_is_how_it_bends(two_fits: tuple[Drive, Fit, Fit]) -> None:
+    one, _, larger = two_fits
+    nowhere: Any = None
+    bent = bends(one, larger.road, larger.x)
+    here = Place(larger.x, larger.felt, larger.road, nowhere, larger.left, larger.scatter, bent)
+    none = np.zeros((len(larger.left), 13, 1))
+    slope = Slope(one, nowhere, nowhere, (), np.zeros(1), lambda _: none, nowhere, leans=True)
+    found = slope.learnt(here)
+    np.testing.assert_array_equal(found.bends, slopes_of_bends(one, larger.felt, larger.x, bent))
+    assert np.abs(found.bends).max() > 0.0
+    assert found.slopes is none
+    assert found.is_exact
+    known = none + 1.0
+    assert slope.learnt(here, known).slopes is known
+    assert slope._replace(leans=False).learnt(here).bends.shape == (0, 3)
