@@ -45,12 +45,12 @@ def likeliest_shape(
 
 
 def shape_beside(
-    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], quiet: Bools
+    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], mute: Bools
 ) -> Found | None:
     """The shape that gains most on unseen blocks where the whole model is fitted again beside it, by a linear step.
 
     That is how names are judged: what the first refit bends to a shape must not leave it a name's size. `known`:
-    sensitivities at the model's end; `quiet` (13,) as of `gain`.
+    sensitivities at the model's end; `mute` (13,): channels that have nothing to gain, as of `gain`.
     """
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
@@ -58,7 +58,7 @@ def shape_beside(
     # Of parameters that the drive does not tell apart none is told: no solution, but no reason to end either.
     bread = inverse(model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     tried = sorted(_shapes(drive, rows, fit, slopes), key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
-    judged = [_judged(drive, rows, fit, slopes, model, box, shape, quiet) for shape in tried]
+    judged = [_judged(drive, rows, fit, slopes, model, box, shape, mute) for shape in tried]
     return max(judged, key=lambda found: found.gain, default=None)
 
 
@@ -98,7 +98,7 @@ def _taken(shape: _Shape, model: Sums, bread: Floats) -> float:
 
 
 def _judged(
-    drive: Drive, rows: Rows, fit: Fit, slopes: Floats, model: Sums, box: Box, shape: _Shape, quiet: Bools
+    drive: Drive, rows: Rows, fit: Fit, slopes: Floats, model: Sums, box: Box, shape: _Shape, mute: Bools
 ) -> Found:
     """The shape with what it gains on unseen blocks."""
     p, c = slopes.shape[2], shape.c
@@ -129,7 +129,7 @@ def _judged(
     coarse = model.counts.sum(axis=0)[c] * fit.form[c] ** 2
     share = 1.0 - float((after.sum(axis=0)[c] + coarse) / (fit.unseen.sum(axis=0)[c] + coarse))
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
-    gained = gain(fit.unseen, after, model.counts, per_row, fit.form, quiet) - CHOSEN_OF_MANY
+    gained = gain(fit.unseen, after, model.counts, per_row, fit.form, mute) - CHOSEN_OF_MANY
     bread = inverse(now.squares.sum(axis=(0, 1)) + np.diag(np.maximum(free.weight, 1e-12)))
     std = float(np.sqrt(max(bread[p, p], 0.0) * per_row[c]))
     effect = as_effect(CHANNELS[c], shape.name, shape.course, shape.unit, abs(float(step[p])))

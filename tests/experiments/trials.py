@@ -1,11 +1,11 @@
-"""Single trials of a sealed proof made anew, opened and diagnosed: what is named, and how far roads are off; Markdown.
+"""Single trials of a sealed proof made anew, opened, diagnosed: what is named, how far roads are off; Markdown.
 
     python tests/experiments/trials.py --seed 2061 --count 300 173 268
     python tests/experiments/trials.py --seed 7001 --count 3000 --third-party road_bank --first 7
 
 `--seed` and `--count` are the proof's (`dsz prove --seed --trials`). Trials are those that are listed, or the `--first`
 of the singles of CommonRoad's car that leave out just this effect. Nothing of it is blind: it is for looking into what
-a proof missed.
+a proof missed. `took` is a diagnosis in this process, its files included: the first one loads what is compiled.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 import tempfile
+import time
 from pathlib import Path
 
 from dsz_daemon.edge.samples_file import write_columns
@@ -26,12 +27,15 @@ def row(trial: Trial, folder: Path) -> str:
     """A line of the table."""
     truth, profiles = made(trial, folder / "recording")
     write_columns(profiles, folder / "profiles.parquet")
+    begun = time.monotonic()
     answer(folder / "recording", folder / "answer")
+    took_s = time.monotonic() - begun
     one = scored(truth, folder / "answer", folder / "profiles.parquet")
     off = "-" if one["profile_rad"] is None else f"{math.degrees(one['profile_rad']):.3f}"
     planted, said = ([*one[key], *one[more]] for key, more in (("planted", "unlisted"), ("named", "shapes")))
     where = f"{trial.car}, {trial.kind}, size {trial.size:g}"
-    return f"| {trial.number} | {where} | {', '.join(planted) or '-'} | {', '.join(said) or '-'} | {off} |"
+    names = f"{', '.join(planted) or '-'} | {', '.join(said) or '-'}"
+    return f"| {trial.number} | {where} | {names} | {off} | {took_s:.1f} |"
 
 
 def main() -> None:
@@ -48,7 +52,7 @@ def main() -> None:
     if asked.third_party:
         alike = [one for one in drawn if one.car == THIRD_PARTY and one.group == "single"]
         chosen += [one for one in alike if [c.name for c in one.effects] == [asked.third_party]][: asked.first]
-    print("| trial | car, way | left out | said | road off, deg rms |\n|---|---|---|---|---|", flush=True)
+    print("| trial | car, way | left out | said | road off, deg rms | took, s |\n|---|---|---|---|---|---|", flush=True)
     for trial in chosen:
         with tempfile.TemporaryDirectory() as name:
             print(row(trial, Path(name)), flush=True)
