@@ -148,13 +148,13 @@ class Moving(NamedTuple):
     rolling: Rolling
 
 
-# A car that has become unstable is infinitely wrong; whoever compares looks at that.
-@np.errstate(over="ignore", invalid="ignore")
 def predicted(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None) -> Floats:
     """All channels (n, 13) for the parameters `x` (in the order of `COLUMNS`), on this road and `x`'s corrections."""
     return shown(drive, x, driven(drive, x, road, rolls))
 
 
+# A car that has become unstable is infinitely wrong; whoever compares looks at that.
+@np.errstate(over="ignore", invalid="ignore")
 def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None) -> Moving:
     """The car's motion for the parameters `x`; of those that `touches` calls the sensors' it knows nothing.
 
@@ -257,6 +257,7 @@ def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) 
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     """What the instruments make of the motion: all channels (n, 13)."""
     reads = _imu(x, moving, moving.imu_ahead_m)

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 
 from dsz_daemon.diagnose import descent, fit
 from dsz_daemon.diagnose.comparison import Rows, rows_of, sensitivities
 from dsz_daemon.diagnose.descent import Learnt, Place, Slope, Step, turned
+from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.fit import Fit, Slopes, exactly, fitted
-from dsz_daemon.diagnose.prediction import nothing, predicted
+from dsz_daemon.diagnose.prediction import driven, flat, nothing, predicted, shown
+from dsz_daemon.diagnose.unlisted import as_effect
 
 RNG = np.random.default_rng(12)
 
@@ -280,3 +282,15 @@ def test_where_no_step_gets_further_what_is_hopeless_takes_no_other_slopes(hopel
     descent.descended(falling, here, None, 1e-9, is_hopeless=is_hopeless)
     assert asked[0] == 1
     assert falling.taken_at[:2] == ([0] if hopeless else [0, 1])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_car_that_spins_away_is_shown_without_a_word() -> None:
+    """Its motion is beyond all numbers; whoever compares looks at that."""
+    own = as_effect("accel_y", "vx", np.zeros(N), "1", 1.0)
+    one = drive({}, CITY_V, CITY_STEER)._replace(vocabulary=vocabulary((own,)))
+    x = nothing(one.vocabulary)
+    x[one.vocabulary.columns_of(own.name)[0]] = 1.0
+    moving = driven(one, x, flat(N))
+    spun = moving._replace(moved=np.full_like(moving.moved, 1e200))
+    assert not np.isfinite(shown(one, x, spun)).all()
