@@ -27,7 +27,8 @@ LEAST_SHARE = 0.05
 _LEAST_LEVEL = 1.25
 LEAST_ROWS = 500
 # The best of some eighty shapes and channels is so good by chance, and a parameter more has to be paid for.
-CHOSEN_OF_MANY = math.log(80.0) + 3.0
+BY_CHANCE = math.log(80.0)
+CHOSEN_OF_MANY = BY_CHANCE + 3.0
 
 
 class Coefficient(NamedTuple):
