@@ -28,6 +28,8 @@ from dsz_daemon.signals import IMU_CHANNELS
 
 # As `config.cross_checks` has it: more than dbc/dsz.dbc has messages.
 _IDS_SET_ASIDE = 16
+# Where else to, the nearest first, up to where diagnostics begin.
+_LOWEST_ID, _DIAGNOSTICS = 0x100, 0x7D0
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,8 @@ def set_up(config: Path, buses: Sequence[str] = (), live: bool = False) -> Setup
     if setup.output_bus not in settings.buses:
         known = ", ".join(settings.buses)
         raise ConfigError(f"{config}: output.bus: there is no bus {setup.output_bus!r}; expected one of {known}")
+    if "base_id" not in settings.output.model_fields_set:
+        setup = _out_of_the_way(setup)
     faults = _id_faults(setup)
     if faults:
         raise ConfigError("\n".join(f"{config}: {fault}" for fault in faults))
@@ -130,17 +134,46 @@ def _id_faults(setup: Setup) -> list[Fault]:
     for key, base_id, spare in (("base_id", output.base_id, False), ("spare_base_id", output.spare_base_id, True)):
         if base_id is None:
             continue
-        messages = setup.checked.resolved.messages.values()
-        near = [m for m in messages if base_id <= m.frame_id < base_id + _IDS_SET_ASIDE]
-        taken = [m for m in near if (m.frame_id, m.is_extended_frame) in setup.encoder(spare=spare).published_ids]
-        if taken:
-            names = ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
+        names = _taken(setup, base_id, spare=spare)
+        if names:
             what = f"0x{base_id:X} gives our own messages the ids of {names}, "
             what += "which would never be read; expected ids that no mapped message has"
             faults.append(Fault(f"output.{key}", what))
     if output.on_conflict == "move" and output.spare_base_id is None:
         faults.append(Fault("output.spare_base_id", "not given; `on_conflict: move` needs ids to move to"))
     return faults
+
+
+def _taken(setup: Setup, base_id: int, *, spare: bool = False) -> str:
+    """The mapped messages, by name, that have ids of ours."""
+    messages = setup.checked.resolved.messages.values()
+    near = [m for m in messages if base_id <= m.frame_id < base_id + _IDS_SET_ASIDE]
+    taken = [m for m in near if (m.frame_id, m.is_extended_frame) in setup.encoder(spare=spare).published_ids]
+    return ", ".join(f"{message.name} (0x{message.frame_id:X})" for message in taken)
+
+
+def _out_of_the_way(setup: Setup) -> Setup:
+    """With other ids, and a warning, where nobody chose any and a mapped message has one of the usual.
+
+    They are of no message of the DBCs, mapped or not.
+    """
+    output, checked = setup.settings.output, setup.checked
+    names = _taken(setup, output.base_id)
+    if not names:
+        return setup
+    dbcs = [load_dbc(name, setup.path.parent) for name in setup.settings.signals.dbc]
+    theirs = {message.frame_id for dbc in dbcs for message in dbc.database.messages}
+    bases = sorted(range(_LOWEST_ID, _DIAGNOSTICS, _IDS_SET_ASIDE), key=lambda base: abs(base - output.base_id))
+    free = next((base for base in bases if not theirs & set(range(base, base + _IDS_SET_ASIDE))), None)
+    if free is None:
+        return setup
+    said = (
+        f"output.base_id: the usual ids, from 0x{output.base_id:X} on, are those of {names}: "
+        f"our own messages have the ids from 0x{free:X} on; give output.base_id to choose others"
+    )
+    settings = setup.settings.model_copy(update={"output": output.model_copy(update={"base_id": free})})
+    checked = checked._replace(settings=settings, warnings=(*checked.warnings, said))
+    return replace(setup, settings=settings, checked=checked)
 
 
 def versions() -> dict[str, Any]:
