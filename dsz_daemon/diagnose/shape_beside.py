@@ -73,7 +73,9 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
         if channel in there or np.count_nonzero(used) < LEAST_ROWS:
             continue
         scatter = fit.scatter[rows.block, c]
-        mine = np.where(used[:, np.newaxis], courses[rows.at], 0.0) / scatter[:, np.newaxis]
+        # What is the same all the way is the offset's.
+        own_courses = courses - np.mean(courses[rows.at[used]], axis=0)
+        mine = np.where(used[:, np.newaxis], own_courses[rows.at], 0.0) / scatter[:, np.newaxis]
         own, left = slopes[:, c] / scatter[:, np.newaxis], fit.left[:, c] / scatter
         square, pull = np.zeros((blocks, len(names))), np.zeros((blocks, len(names)))
         cross = np.zeros((blocks, len(names), slopes.shape[2]))
@@ -82,9 +84,8 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
             square[b], pull[b] = np.sum(mine[at] ** 2, axis=0), mine[at].T @ left[at]
             cross[b] = mine[at].T @ own[at]
         for k, name in enumerate(names):
-            course = courses[:, k] - float(np.mean(courses[rows.at[used], k]))
             unit = f"({unit_of(c)})/({library_here[name][1]})"
-            found.append(_Shape(c, name, unit, course, square[:, k], cross[:, k], pull[:, k]))
+            found.append(_Shape(c, name, unit, own_courses[:, k], square[:, k], cross[:, k], pull[:, k]))
     return found
 
 

@@ -1,0 +1,59 @@
+"""diagnose: what a shape without a name gains by a linear step is what it gains when it is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.gains import quiet
+from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing
+from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.search import _shaped, searched
+from dsz_daemon.diagnose.shape_beside import shape_beside
+from dsz_daemon.diagnose.unlisted import Found
+
+YAW = 2
+
+
+def yaw_rate_shows(k: float) -> Drive:
+    """k times the magnitude of the lateral acceleration, which is never less than 0."""
+    level = drive({}, CITY_V, CITY_STEER)
+    course = np.abs(driven(level, nothing(), flat(len(level.steer))).moved[:, motion.AY])
+
+    def add(one: Drive) -> None:
+        one.measured[:, YAW] += k * course
+
+    return drive({}, CITY_V, CITY_STEER, change=add)
+
+
+def shape_and_fit(one: Drive) -> tuple[Found, Found, Fit, Fit]:
+    """The likeliest shape by its linear step, what it is by names' measure, and the fits before and after."""
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), (), TOLERANCE)
+    known = screened(one, rows, before, TOLERANCE, map).known
+    shape = shape_beside(one, rows, before, known, TOLERANCE, quiet(one, before))
+    assert shape is not None
+    _, after, by_names = _shaped(one, rows, before, shape._replace(gain=np.inf), TOLERANCE, map)
+    return shape, by_names, before, after
+
+
+@pytest.mark.parametrize("k", [0.001, 0.004])
+def test_a_shape_that_is_never_negative_gains_as_much_as_when_it_is_fitted(k: float) -> None:
+    """What of it is the same all the way is the offset's: left in, the rest would hang together and gain little."""
+    one = yaw_rate_shows(k)
+    shape, by_names, before, after = shape_and_fit(one)
+    assert (shape.channel, shape.shape) == ("gyro_z", "k*|ay|")
+    assert shape.gain == pytest.approx(by_names.gain, rel=0.15)
+    assert shape.gain > 50.0
+    assert shape.value == pytest.approx(k, rel=0.1)
+    # All that is left of a course that hangs together is noise.
+    assert before.per_row[YAW] > 3.0 * after.per_row[YAW]
+
+
+def test_it_is_found_before_the_scale_that_comes_near_it() -> None:
+    one = yaw_rate_shows(0.004)
+    assert searched(one, rows_of(one), TOLERANCE).best.effects == ("gyro_z: k*|ay|",)
