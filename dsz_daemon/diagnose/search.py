@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import Screening, screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
-from dsz_daemon.diagnose.smaller import Grown, plausible, share_of_all, without_trifles
+from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles
 from dsz_daemon.diagnose.starts import Start, starts_of
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
 
@@ -112,7 +113,8 @@ def searched(
         shape = likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
             there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)
-            is_enough = shape.gain >= share_of_all(gains) or is_beyond_form(drive, best, shaped)
+            asked = asked_of(there, shape.effect.name, gains)
+            is_enough = shape.gain >= asked or is_beyond_form(drive, best, shaped)
             if is_enough and shape.gain > max(_SURELY * named, LEAST_GAIN):
                 say(f"{shape.channel} has a shape without a name: {shape.shape}")
                 name, drive, best = shape.effect.name, there, shaped
@@ -122,7 +124,8 @@ def searched(
                 nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
                 continue
         beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
-        tried = _enough_first(drive, best, tried, share_of_all(gains), beside * best.felt.is_anew) or _two_at_once(
+        asked_by = partial(asked_of, drive, gains=dict(gains))
+        tried = _enough_first(drive, best, tried, asked_by, beside * best.felt.is_anew) or _two_at_once(
             trial, screening, refused, each
         )
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
@@ -302,7 +305,9 @@ def _rank(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], fl
     return rank
 
 
-def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_a_car: float = 0.0) -> list[Step]:
+def _enough_first(
+    drive: Drive, best: Fit, ranked: list[Step], asked_by: Callable[[str], float], of_a_car: float = 0.0
+) -> list[Step]:
     """By rank, those that gain enough before the others; empty where none does.
 
     The first by rank need not be the one that gains the most: what gains too little stands in nobody's way. Neither
@@ -312,7 +317,7 @@ def _enough_first(drive: Drive, best: Fit, ranked: list[Step], share: float, of_
     """
 
     def gains_enough(step: Step) -> bool:
-        asked = _PROFILE_SHARES * share if step.effect in OWN_CHANNEL else share
+        asked = asked_by(step.effect) * (_PROFILE_SHARES if step.effect in OWN_CHANNEL else 1.0)
         if of_a_car > asked and drive.vocabulary.described(step.effect).touches == CAR:
             asked = of_a_car
         return step.gain >= LEAST_GAIN and (step.gain >= asked or is_beyond_form(drive, best, step.fit))

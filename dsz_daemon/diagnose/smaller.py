@@ -6,19 +6,30 @@ from collections.abc import Collection, Mapping
 from functools import cached_property
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.effects import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, fitted
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted
 from dsz_daemon.diagnose.gains import gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.unlisted import is_shape
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
+# And beside a limit of grip so much of what that gains, if it may be that: every tyre has a curve of its own.
+_SHARE_OF_GRIP = 0.05
 
 
 def share_of_all(gains: Mapping[str, float]) -> float:
     """What one effect has to gain beside others; no simulation's form gets wrong that a sensor clips."""
     return _SHARE_OF_ALL * sum(gain for effect, gain in gains.items() if effect != "sensor_saturation")
+
+
+def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
+    """What this effect, or shape, has to gain beside others."""
+    may_be_a_curve = is_shape(effect) or drive.vocabulary.described(effect).touches == CAR
+    limits = GRIP & gains.keys() if may_be_a_curve and effect not in GRIP else ()
+    return max([share_of_all(gains), *(_SHARE_OF_GRIP * gains[limit] for limit in limits)])
 
 
 def without(
@@ -95,11 +106,11 @@ def without_trifles(
     drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
-    least = share_of_all({effect: gains[effect] for effect in best.effects})
+    mine = {effect: gains[effect] for effect in best.effects}
     trifles = [
         effect
         for effect in best.effects
-        if gains[effect] < least
+        if mine[effect] < asked_of(drive, effect, mine)
         and not is_beyond_form(drive, without(drive, rows, best, tolerance, (effect,), each), best)
     ]
     return without(drive, rows, best, tolerance, trifles, each) if trifles else best

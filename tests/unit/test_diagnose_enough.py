@@ -80,7 +80,7 @@ def test_what_gains_too_little_stands_in_nobodys_way(monkeypatch: pytest.MonkeyP
     def order(share: float, *more: tuple[str, float]) -> list[str]:
         ranked = [("first", 89.0), ("second", 169.0), ("third", 163.0), *more]
         steps = [Step(name, gain, name) for name, gain in ranked]  # type: ignore[arg-type]
-        return [step.effect for step in _enough_first(none, none, steps, share)]
+        return [step.effect for step in _enough_first(none, none, steps, lambda _: share)]
 
     assert order(122.0) == ["second", "third", "first"]
     assert order(50.0) == ["first", "second", "third"]

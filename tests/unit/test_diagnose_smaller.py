@@ -15,7 +15,7 @@ from dsz_daemon.diagnose.comparison import all_hands, rows_of
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.smaller import Grown, without_trifles
+from dsz_daemon.diagnose.smaller import Grown, asked_of, without_trifles
 from dsz_daemon.diagnose.unlisted import Found, as_effect
 
 
@@ -187,3 +187,31 @@ def test_a_shape_that_seems_to_gain_more_than_a_name_and_does_not_comes_after_it
     found = searched(one, rows_of(one), TOLERANCE)
     assert found.best.effects == ("gyro_scale", effect.name)
     assert found.gains["gyro_scale"] > found.gains[effect.name] > 20.0
+
+
+def test_beside_a_limit_of_grip_more_is_asked_of_what_a_tyres_own_curve_may_be() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    gains = {"tyre_saturation": 700.0, "steering_compliance": 20.0, "gyro_scale": 80.0}
+
+    def asked(effect: str, *gone: str) -> float:
+        return asked_of(one, effect, {name: gain for name, gain in gains.items() if name not in gone})
+
+    for car in ("steering_compliance", "steering_ratio", "accel_y: k*ay^3"):
+        assert asked(car) == pytest.approx(35.0)
+        assert asked(car, "tyre_saturation") == pytest.approx(1.5)
+    # Sensors have no grip; and of two limits the one is not held against the other.
+    for other in ("gyro_scale", "low_friction", "tyre_saturation"):
+        assert asked(other) == pytest.approx(12.0)
+    gains["low_friction"] = 1000.0
+    assert asked("steering_ratio") == pytest.approx(50.0)
+
+
+def test_what_came_before_a_limit_of_grip_may_be_its_curve_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(smaller_module, "is_beyond_form", lambda *_: False)
+    one = drive({"steering_ratio.scale": 0.05}, CITY_V, CITY_STEER)
+    rows, start = rows_of(one), nothing()
+    start[one.vocabulary.columns_of("tyre_saturation")[0]] = 0.5
+    both = fitted(one, rows, start, ("steering_ratio", "tyre_saturation"), TOLERANCE)
+    for gain, effects in ((51.0, both.effects), (49.0, ("tyre_saturation",))):
+        gains = {"steering_ratio": gain, "tyre_saturation": 1000.0}
+        assert without_trifles(one, rows, both, TOLERANCE, gains, map).effects == effects

@@ -134,10 +134,14 @@ def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part
     one, x = blown_on(0.3)
     best = fitted(one, rows_of(one), x, ("side_wind",), {})
     steps = [Step(effect, 50.0, best) for effect in ("steering_offset", "gyro_scale")]
-    assert _enough_first(one, best, steps, 10.0) == steps
-    assert _enough_first(one, best, steps, 10.0, 60.0)[0].effect == "gyro_scale"
-    assert _enough_first(one, best, steps[:1], 10.0, 60.0) == []
-    assert _enough_first(one, best, steps[:1], 10.0, 40.0) == steps[:1]
+
+    def asked(_: str) -> float:
+        return 10.0
+
+    assert _enough_first(one, best, steps, asked) == steps
+    assert _enough_first(one, best, steps, asked, 60.0)[0].effect == "gyro_scale"
+    assert _enough_first(one, best, steps[:1], asked, 60.0) == []
+    assert _enough_first(one, best, steps[:1], asked, 40.0) == steps[:1]
 
 
 def test_a_wind_by_the_lean_is_not_felt_anew() -> None:
