@@ -46,6 +46,7 @@ from dsz_daemon.diagnose.smooth_roads import (
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
 UPRIGHT, _IMU = 5, 6
+TILTS = frozenset({"road_bank", "road_grade"})
 # When a slippery stretch begins and ends.
 MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
 # No effect of a real car is to the letter what the simulation makes of it.
@@ -64,9 +65,9 @@ _WAYS_TO_BE_WRONG = 8
 _WHITE_ROWS, _WRONG_ROWS = 5.0, 20.0
 # What is more than noise by less than so many of its own spreads is noise, of which so many rows count as one.
 _CHANCE, _NOISE_ROWS = 2.0, 5.0
-# A road that banks turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
-# by so much. How high a C.G. stands nobody has said.
-_ABOVE_THE_WAY_M, _ARM_UP = 0.3, INDEX["imu_lever_arm.z_m"]
+# A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
+# by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
+_ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -267,7 +268,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     least = np.array([words.columns[i][1].least for i in columns])
     std = np.hypot(std, np.where(np.isfinite(least), _OF_THE_LEAST * least, 0.0))
-    if "road_bank" in effects and _ARM_UP in columns:
+    if TILTS & set(effects) and _ARM_UP in columns:
         std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], _ABOVE_THE_WAY_M)
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
@@ -298,7 +299,7 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     change[:, :_IMU] -= np.where(rows.used[:, :_IMU], lasting, 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / count)
     found = np.hypot(rows.form, (_GRIP_FORM if GRIP & set(effects) else _EFFECT_FORM) * rms)
-    if {"road_bank", "road_grade"} & set(effects):
+    if TILTS & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))
         found[UPRIGHT] = math.hypot(found[UPRIGHT], noise)
