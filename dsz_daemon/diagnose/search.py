@@ -113,8 +113,7 @@ def searched(
         shape = likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
         if shape is not None and shape.gain > _SURELY * named:
             there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)
-            asked = asked_of(there, shape.effect.name, gains)
-            is_enough = shape.gain >= asked or is_beyond_form(drive, best, shaped)
+            is_enough = shape.gain >= asked_of(there, shape.effect.name, gains) or is_beyond_form(drive, best, shaped)
             if is_enough and shape.gain > max(_SURELY * named, LEAST_GAIN):
                 say(f"{shape.channel} has a shape without a name: {shape.shape}")
                 name, drive, best = shape.effect.name, there, shaped
@@ -124,10 +123,9 @@ def searched(
                 nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
                 continue
         beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
-        asked_by = partial(asked_of, drive, gains=dict(gains))
-        tried = _enough_first(drive, best, tried, asked_by, beside * best.felt.is_anew) or _two_at_once(
-            trial, screening, refused, each
-        )
+        tried = _enough_first(
+            drive, best, tried, partial(asked_of, drive, gains=dict(gains)), beside * best.felt.is_anew
+        ) or _two_at_once(trial, screening, refused, each)
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
             best = anew
             continue
