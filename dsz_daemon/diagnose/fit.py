@@ -33,6 +33,7 @@ from dsz_daemon.diagnose.evidence import (
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 from dsz_daemon.diagnose.smooth_roads import (
     SURER,
@@ -145,8 +146,11 @@ def box_of(
 
 
 def _room(drive: Drive, x: Floats, columns: Sequence[int], tolerance: Mapping[str, float]) -> Box:
-    """`box_of`, in which a limit stays where readings stand."""
+    """`box_of`, in which a limit stays where readings stand, and a stretch begins and ends on the way."""
     box = box_of(drive.vocabulary.columns, x, columns, tolerance)
+    for at, i in enumerate(columns):
+        if drive.vocabulary.columns[i] in MOMENTS:
+            box.high[at] = len(drive.steer) * DT_S - x[i]
     for i, (low, high) in room_of_limits(drive, x).items():
         if i in columns:
             at = list(columns).index(i)

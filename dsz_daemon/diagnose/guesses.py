@@ -1,4 +1,4 @@
-"""Where to begin with what has no slope at 0: a limit that readings clip at, a slippery stretch."""
+"""Where to begin with what has no slope at 0, or another one: limits that readings clip at, and that grip has."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
 
 
 def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
-    """The stretch, and its friction, that would explain the most were nothing else changed.
+    """The stretch, and its friction, that would explain the most were nothing else changed; and the same all the way.
 
     A car forgets in less than a second what it drove on. So what each row gains on a road that is slippery all the way
     is what it gains in any stretch, and of each friction the best stretch is where the sum of that is the largest.
     """
     if not (rows.used[:, _YAW].any() or rows.used[:, _ACROSS].any()):
         return []
-    most, found = _LEAST, list[tuple[str, Floats]]()
+    most, most_of_all, found = _LEAST, _LEAST, dict[str, Floats]()
     before = loss_of_rows(best.left, rows, best.scatter)
 
     def all_the_way(grip: tuple[float, float]) -> tuple[Floats, Floats]:
@@ -71,11 +71,22 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
         return x, loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
 
     for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
-        first, last, total = _stretch(before - after - _NOTHING)
+        gained = before - after - _NOTHING
+        if (of_all := float(np.sum(gained))) > most_of_all:
+            most_of_all, found["tyre_saturation"] = of_all, _as_everywhere(best.x, x)
+        first, last, total = _stretch(gained)
         if total > most and (last - first) * ROW_S > _SHORTEST_S:
             x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = rows.at[[first, last - 1]] * DT_S
-            most, found = total, [("low_friction", x)]
-    return found
+            most, found["low_friction"] = total, x
+    return list(found.items())
+
+
+def _as_everywhere(before: Floats, slippery: Floats) -> Floats:
+    """The parameters of a road that is slippery all the way, as those of tyres that hold no better on any."""
+    x = before.copy()
+    for name in ("inverse_square", "sharpness", "ellipse"):
+        x[INDEX[f"tyre_saturation.{name}"]] = slippery[INDEX[f"low_friction.{name}"]]
+    return x
 
 
 def _stretch(values: Floats) -> tuple[int, int, float]:

@@ -59,9 +59,11 @@ def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, fl
     left_by = partial(_left_by, drive, rows, fit)
     least, as_good = loss_of(fit.left, rows, fit.scatter), _AS_GOOD * float(np.max(fit.per_row))
     x, last_s = fit.x.copy(), float(len(drive.steer) * DT_S)
+    x[moments_of(drive)] = np.clip(x[moments_of(drive)], 0.0, last_s)
+    begun = x.copy()
     for i in moments_of(drive):
-        is_as_good = partial(_is_less, least + as_good, left_by, fit.x, i)
-        x[i] = 0.5 * sum(_as_far_as(is_as_good, float(fit.x[i]), to_s) for to_s in (0.0, last_s))
+        is_as_good = partial(_is_less, least + as_good, left_by, begun, i)
+        x[i] = 0.5 * sum(_as_far_as(is_as_good, float(begun[i]), to_s) for to_s in (0.0, last_s))
     if left_by(x) > least + 2.0 * as_good:
         return fit
     left = residual(rows, predicted(drive, x, fit.road))

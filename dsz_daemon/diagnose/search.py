@@ -49,8 +49,8 @@ _MOST_EFFECTS = 6
 _MOST_STEPS = 12
 # So little may a step still take off what is left of a model that others are compared with.
 _WELL = 2e-5
-# What has no name has to explain so much more than what has one.
-_SURELY, _NAMELESS = 1.05, frozenset(effect.name for effect in NAMELESS)
+# What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
+_SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
 # Moments are moved and all is fitted again, until they stay where they are.
@@ -291,14 +291,15 @@ def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
 def _rank(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], float]:
     """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
 
-    A profile fits nearly anything, and has to gain more than what has few parameters; what has no name, than what has.
+    A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
+    general.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
-        return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / _SURELY if step.effect in _NAMELESS else 1.0)
+        return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / _SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank
 

@@ -34,8 +34,10 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
             leaning = best.x.copy()
             leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
             starts = [*(start for start in starts if start[0] != (effect,)), ((effect,), leaning)]
-    guessed = guesses(drive, rows, best, each)
-    return [*(((effect,), x) for effect, x in guessed if effect not in best.effects), *starts]
+    found = guesses(drive, rows, best, each)
+    guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
+    known = {effects for effects, _ in guessed}
+    return [*guessed, *(start for start in starts if start[0] not in known)]
 
 
 def _winds(drive: Drive, best: Fit, each: Each) -> list[Start]:

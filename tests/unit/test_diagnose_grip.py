@@ -1,0 +1,112 @@
+"""diagnose: grip that ends all the way, told from grip that ends for a while."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
+
+from dsz_daemon.diagnose import moments as moments_module
+from dsz_daemon.diagnose.comparison import residual, rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.moments import in_the_middle, moments_of
+from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
+from dsz_daemon.diagnose.search import Step, _rank, searched
+from dsz_daemon.diagnose.starts import starts_of
+
+LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
+LAST_S = len(T) * 0.01
+
+
+def worn() -> Drive:
+    return drive(LIMITS, CITY_V, 1.3 * CITY_STEER)
+
+
+def test_tyres_whose_grip_ends_are_guessed_by_the_friction_that_explains_the_most() -> None:
+    """From no limit at all the slope leads to one that is too high, and there the fit stays."""
+    one = worn()
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), (), TOLERANCE)
+    start = dict(guesses(one, rows, before))["tyre_saturation"]
+    # Stiffnesses that have room have taken some of it already.
+    assert 0.3 < start[INDEX["tyre_saturation.inverse_square"]] ** -0.5 < 0.6
+    assert start[INDEX["tyre_saturation.sharpness"]] != 0.0
+    # As those of the model so far, but for this.
+    others = [i for name, i in INDEX.items() if not name.startswith("tyre_saturation.")]
+    np.testing.assert_array_equal(start[others], before.x[others])
+    mine = [
+        x
+        for effects, x in starts_of(one, rows, before, ["tyre_saturation", "gyro_scale"])
+        if "tyre_saturation" in effects
+    ]
+    assert len(mine) == 1
+    np.testing.assert_array_equal(mine[0], start)
+
+
+def test_an_ellipse_is_guessed_with_it() -> None:
+    for ellipse in (0.01, 1.0):
+        one = drive(LIMITS | {"tyre_saturation.ellipse": ellipse}, CITY_V, 1.3 * CITY_STEER)
+        rows = rows_of(one)
+        start = dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))["tyre_saturation"]
+        assert start[INDEX["tyre_saturation.ellipse"]] == ellipse
+
+
+def test_grip_that_ends_all_the_way_is_no_stretch() -> None:
+    one = worn()
+    assert searched(one, rows_of(one), TOLERANCE).best.effects == ("tyre_saturation",)
+
+
+def test_a_stretch_has_to_explain_more_than_tyres_do() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+
+    def first(stretch: float) -> str:
+        # `gained` of a fit over itself is none: by rank they are what their gains are, where no two are rivals.
+        steps = [Step("low_friction", stretch, fit), Step("tyre_saturation", 100.0, fit), Step("wheel_slip", 1e4, fit)]
+        rank = _rank(one, fit, steps)
+        return max(steps[:2], key=rank).effect
+
+    assert first(104.0) == "tyre_saturation"
+    assert first(106.0) == "low_friction"
+
+
+def slippery(end_s: float) -> tuple[Drive, Any, Fit]:
+    ice = {"low_friction.inverse_square": 0.3**-2, "low_friction.start_s": 20.0, "low_friction.end_s": LAST_S}
+    one = drive(ice, CITY_V, CITY_STEER)
+    rows, x = rows_of(one), nothing()
+    for name, value in ice.items():
+        x[INDEX[name]] = value
+    fit = fitted(one, rows, x, ("low_friction",), TOLERANCE)
+    fit.x[moments_of(one)[1]] = end_s
+    return one, rows, fit._replace(left=residual(rows, predicted(one, fit.x, fit.road)))
+
+
+def test_a_stretch_that_ends_after_the_recording_is_not_looked_through_to_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A step of two seconds at a time, of a simulation each, would be a day's."""
+    one, rows, fit = slippery(86660.3)
+    tried: list[float] = []
+
+    def left_by(*arguments: Any) -> float:
+        tried.append(float(arguments[-1][moments_of(one)[1]]))
+        assert len(tried) < 200
+        return original(*arguments)
+
+    original = moments_module._left_by
+    monkeypatch.setattr(moments_module, "_left_by", left_by)
+    end_s = in_the_middle(one, rows, fit, TOLERANCE).x[moments_of(one)[1]]
+    assert tried
+    assert LAST_S - 5.0 < end_s <= LAST_S
+
+
+def test_a_fit_keeps_a_stretch_on_the_way() -> None:
+    one, rows, fit = slippery(LAST_S + 40.0)
+    again = fitted(one, rows, fit.x, ("low_friction",), TOLERANCE)
+    begin_s, end_s = again.x[moments_of(one)]
+    assert begin_s == pytest.approx(20.0, abs=2.0)
+    assert end_s <= LAST_S + 1e-9
