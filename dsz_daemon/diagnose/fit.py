@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
 from dsz_daemon.diagnose.effects import (
     BUILT_IN,
+    CAR,
     COLUMNS,
     FORM,
     GUESSED,
@@ -59,6 +60,8 @@ OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
 # wheels for four, a message's own few milliseconds.
 _OF_THE_LEAST = 0.25
+# Beside a limit of grip a tyre's own curve does more of what a car's steering and tyres do.
+_OF_THE_LEAST_BY_GRIP = 1.25
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
 # drive: it does not average out. Counted on two cars whose equations are others (docs/decisions/0019).
 _WAYS_TO_BE_WRONG = 8
@@ -234,6 +237,12 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
     return found
 
 
+def may_be_a_curve(drive: Drive, effects: Collection[str], effect: str) -> bool:
+    """Whether a tyre's own curve may look like this effect: beside a limit of grip, what a car does may."""
+    known = {one.name for one in drive.vocabulary.effects if one.touches == CAR} - {*GRIP, *OWN_CHANNEL}
+    return effect in known and bool(GRIP & set(effects))
+
+
 def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
     """A fit judged by the slopes that it has at its end."""
     if fit.is_exact:
@@ -271,7 +280,10 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter, hang)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     least = np.array([words.columns[i][1].least for i in columns])
-    std = np.hypot(std, np.where(np.isfinite(least), _OF_THE_LEAST * least, 0.0))
+    share = [
+        _OF_THE_LEAST_BY_GRIP if may_be_a_curve(drive, effects, words.columns[i][0]) else _OF_THE_LEAST for i in columns
+    ]
+    std = np.hypot(std, np.where(np.isfinite(least), share * least, 0.0))
     if TILTS & set(effects) and _ARM_UP in columns:
         std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], _ABOVE_THE_WAY_M)
     if "steering_delay" in effects:

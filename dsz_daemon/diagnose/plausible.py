@@ -9,7 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curve
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
@@ -43,7 +43,10 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
     # A C.G. that stands above the way on which a road turns is no arm: on one that tilts that is all an arm may be.
-    if effect == "imu_lever_arm" and TILTS & set(fit.effects) and not is_told(drive, fit, effect):
+    may_be_that = effect == "imu_lever_arm" and bool(TILTS & set(fit.effects))
+    # Nor is a tyre's curve a steering, beside a limit of its grip.
+    may_be_that |= may_be_a_curve(drive, fit.effects, effect)
+    if may_be_that and not is_told(drive, fit, effect):
         return True
     return _ends(drive, fit, effect)
 

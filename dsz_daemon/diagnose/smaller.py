@@ -6,9 +6,8 @@ from collections.abc import Collection, Mapping
 from functools import cached_property
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
-from dsz_daemon.diagnose.effects import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted, may_be_a_curve
 from dsz_daemon.diagnose.gains import gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive
@@ -27,9 +26,8 @@ def share_of_all(gains: Mapping[str, float]) -> float:
 
 def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
     """What this effect, or shape, has to gain beside others."""
-    may_be_a_curve = is_shape(effect) or drive.vocabulary.described(effect).touches == CAR
-    limits = GRIP & gains.keys() if may_be_a_curve and effect not in GRIP else ()
-    return max([share_of_all(gains), *(_SHARE_OF_GRIP * gains[limit] for limit in limits)])
+    is_one = is_shape(effect) or may_be_a_curve(drive, gains, effect)
+    return max([share_of_all(gains), *(_SHARE_OF_GRIP * gains[limit] for limit in GRIP & gains.keys() if is_one)])
 
 
 def without(

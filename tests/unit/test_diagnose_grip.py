@@ -14,11 +14,13 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of
+from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
 from dsz_daemon.diagnose.search import Step, _rank, searched
 from dsz_daemon.diagnose.starts import starts_of
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
+TURNS = ("steering_ratio", "gyro_scale")
 LAST_S = len(T) * 0.01
 
 
@@ -110,3 +112,29 @@ def test_a_fit_keeps_a_stretch_on_the_way() -> None:
     begin_s, end_s = again.x[moments_of(one)]
     assert begin_s == pytest.approx(20.0, abs=2.0)
     assert end_s <= LAST_S + 1e-9
+
+
+def test_beside_a_limit_of_grip_a_cars_numbers_are_no_surer_than_what_is_worth_a_name() -> None:
+    """A tyre's own curve turns a car at large angles as a steering ratio does that varies."""
+    one = drive({**LIMITS, "steering_ratio.per_rad": 0.006}, CITY_V, 1.3 * CITY_STEER)
+    rows, start = rows_of(one), nothing()
+    for name, value in LIMITS.items():
+        start[INDEX[name]] = value
+    alone, beside = (fitted(one, rows, start, e, TOLERANCE) for e in (("steering_ratio",), ("tyre_saturation", *TURNS)))
+    scale, per_rad, gyro = (INDEX[name] for name in ("steering_ratio.scale", "steering_ratio.per_rad", "gyro_scale.z"))
+    for column, least, at_least in ((scale, 0.006, 0.0075), (per_rad, 0.004, 0.005)):
+        assert one.vocabulary.columns[column][1].least == least
+        assert at_least <= beside.std[beside.columns.index(column)] < 1.5 * at_least
+        assert alone.std[alone.columns.index(column)] < at_least
+    assert beside.std[beside.columns.index(gyro)] < one.vocabulary.columns[gyro][1].least
+
+    def is_refused(fit: Fit, value: float) -> bool:
+        x = fit.x.copy()
+        x[scale], x[per_rad] = 0.0, value
+        return is_implausible(one, rows, fit._replace(x=x), "steering_ratio")
+
+    assert is_refused(beside, 0.009)
+    assert not is_refused(beside, 0.02)
+    assert not is_refused(alone, 0.0045)
+    # What no curve of a tyre is, may be as small as it is.
+    assert not is_implausible(one, rows, beside._replace(x=nothing()), "gyro_scale")

@@ -200,7 +200,7 @@ def test_beside_a_limit_of_grip_more_is_asked_of_what_a_tyres_own_curve_may_be()
         assert asked(car) == pytest.approx(70.0)
         assert asked(car, "tyre_saturation") == pytest.approx(1.5)
     # Sensors have no grip; and of two limits the one is not held against the other.
-    for other in ("gyro_scale", "low_friction", "tyre_saturation"):
+    for other in ("gyro_scale", "low_friction", "tyre_saturation", "road_bank"):
         assert asked(other) == pytest.approx(12.0)
     gains["low_friction"] = 1000.0
     assert asked("steering_ratio") == pytest.approx(100.0)
