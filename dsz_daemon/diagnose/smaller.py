@@ -16,7 +16,7 @@ from dsz_daemon.diagnose.unlisted import is_shape
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
 # And beside a limit of grip so much of what that gains, if it may be that: every tyre has a curve of its own.
-_SHARE_OF_GRIP = 0.1
+_SHARE_OF_GRIP = 0.05
 
 
 def share_of_all(gains: Mapping[str, float]) -> float:

@@ -197,13 +197,13 @@ def test_beside_a_limit_of_grip_more_is_asked_of_what_a_tyres_own_curve_may_be()
         return asked_of(one, effect, {name: gain for name, gain in gains.items() if name not in gone})
 
     for car in ("steering_compliance", "steering_ratio", "accel_y: k*ay^3"):
-        assert asked(car) == pytest.approx(70.0)
+        assert asked(car) == pytest.approx(35.0)
         assert asked(car, "tyre_saturation") == pytest.approx(1.5)
     # Sensors have no grip; and of two limits the one is not held against the other.
     for other in ("gyro_scale", "low_friction", "tyre_saturation", "road_bank"):
         assert asked(other) == pytest.approx(12.0)
     gains["low_friction"] = 1000.0
-    assert asked("steering_ratio") == pytest.approx(100.0)
+    assert asked("steering_ratio") == pytest.approx(50.0)
 
 
 def test_what_came_before_a_limit_of_grip_may_be_its_curve_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,6 +212,6 @@ def test_what_came_before_a_limit_of_grip_may_be_its_curve_as_well(monkeypatch: 
     rows, start = rows_of(one), nothing()
     start[one.vocabulary.columns_of("tyre_saturation")[0]] = 0.5
     both = fitted(one, rows, start, ("steering_ratio", "tyre_saturation"), TOLERANCE)
-    for gain, effects in ((101.0, both.effects), (99.0, ("tyre_saturation",))):
+    for gain, effects in ((51.0, both.effects), (49.0, ("tyre_saturation",))):
         gains = {"steering_ratio": gain, "tyre_saturation": 1000.0}
         assert without_trifles(one, rows, both, TOLERANCE, gains, map).effects == effects
