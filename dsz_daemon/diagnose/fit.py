@@ -185,7 +185,7 @@ def fitted(
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # Wheels slip against a road that climbs all the way as against what slows a car.
-    held = {_RESISTANCE} if "road_grade" in effects else set()
+    held: set[int] = set()
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS} - held
     columns = (

@@ -45,7 +45,7 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "drive_steer", "brake_steer"}
+    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "large_angles", "drive_steer", "brake_steer"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -229,6 +229,9 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
         steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
     late_s = at("steering_delay.delay_s") + at("steering_skew_s")
     steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
+    if at("large_angles") != 0.0:
+        # An angle for its sine, or for its tangent.
+        steer = steer + at("large_angles") * steer**3
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
     squares = _squares(x)
