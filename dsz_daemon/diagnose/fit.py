@@ -72,7 +72,6 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
-_RESISTANCE = INDEX["wheel_slip.resistance"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -184,17 +183,14 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     first = [i for i in nuisances(tolerance) if i not in hidden]
-    # Wheels slip against a road that climbs all the way as against what slows a car.
-    held: set[int] = set()
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
-    there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS} - held
+    there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if i in there or (e not in GUESSED and i not in held)),
+        *(i for e in effects for i in words.columns_of(e) if i in there or e not in GUESSED),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
-    x[list(held)] = 0.0
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):

@@ -45,7 +45,8 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade", "steering_skew_s", "large_angles", "drive_steer", "brake_steer"}
+    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
+    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.

@@ -28,7 +28,7 @@ LATE = {"imu_delay": "imu_delay.delay_s", "sensor_bandwidth": "sensor_bandwidth.
 
 
 def wind(of: Any, force_n: np.ndarray) -> Any:
-    return SimpleNamespace(x=nothing(), columns=(), road=flat(N)._replace(side_n=force_n))
+    return SimpleNamespace(x=nothing(), columns=(), effects=("side_wind",), road=flat(N)._replace(side_n=force_n))
 
 
 def test_wind_blows_all_the_way() -> None:
