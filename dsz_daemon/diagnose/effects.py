@@ -349,7 +349,7 @@ TOLERATED = (
 )
 # Cars are drawn with or without: a pull along steered wheels, wheels alike, load on tyres, sines, held inputs.
 FORM = (
-    Parameter("steered_pull", "1", 0.5, 0.0, 1.2, math.inf),
+    *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),

@@ -58,6 +58,7 @@ class CarModel(NamedTuple):
     wind_ahead_m: float
     wind_leans: float
     steered_pull: float
+    steered_brake: float
     parallel_steer: float
     front_track_m: float
     hasty_s: float
@@ -83,9 +84,12 @@ def _limited(force: float, load_n: float, grip: float, sharpness: float) -> floa
 def _pulled(car: CarModel, front_n: float, along_mps2: float, sin: float, cos: float) -> float:
     """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta.
 
-    `along_mps2` is a_x and what a climb takes; `sin` and `cos` are those of delta.
+    `along_mps2` is a_x and what a climb takes; `sin` and `cos` are those of delta. Front wheels may brake that nothing
+    drives.
     """
-    return car.steered_pull * (car.mass_kg * along_mps2 + front_n * sin) * sin / cos
+    along_n = car.mass_kg * along_mps2 + front_n * sin
+    share = car.steered_pull if along_n > 0.0 else car.steered_brake
+    return share * along_n * sin / cos
 
 
 @compiled

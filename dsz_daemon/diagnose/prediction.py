@@ -195,6 +195,7 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         at("side_wind.ahead_m"),
         at("side_wind.leans"),
         at("steered_pull"),
+        at("steered_brake"),
         at("parallel_steer"),
         front_track_m,
         at("hasty_s"),

@@ -15,7 +15,7 @@ M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
 NOMINAL = CarModel(
-    *(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0), *BODY, *BODY, *(0.0, motion.SHARPNESS, 0.0, 0.0, 0.0, 0.0, TRACK, 0.0, 0.0)
+    *(M, IZ, LF, LR, CF, CR, 0.0, 0.0, 0.0), *BODY, *BODY, *(0.0, motion.SHARPNESS, *(0.0,) * 5, TRACK, 0.0, 0.0)
 )
 DT_S = 0.01
 T = DT_S * np.arange(1000)
@@ -171,6 +171,19 @@ def test_a_front_drive_pulls_where_the_wheels_point() -> None:
     assert pulled[motion.AY] - rolling[motion.AY] == pytest.approx((2.0 + tyre / M) * math.tan(delta))
     turned = (M * 2.0 + tyre) * math.tan(delta) * LF / IZ
     assert pulled[motion.R_RATE] - rolling[motion.R_RATE] == pytest.approx(turned)
+
+
+@pytest.mark.parametrize(("rate_mps2", "share"), [(2.0, 0.0), (-6.0, 0.7)])
+def test_front_wheels_that_nothing_drives_brake_where_they_point(rate_mps2: float, share: float) -> None:
+    """As above; what the tyres' own force takes along is less than that of the brakes, and is pulled by what drives."""
+    rate, delta = np.full(len(T), rate_mps2), 0.2
+    car = NOMINAL._replace(steered_brake=0.7)
+    braked, rolling = (driven(one, 20.0, np.full(len(T), delta), v_rate=rate)[0] for one in (car, NOMINAL))
+    along_mps2 = rate_mps2 + rolling[motion.FRONT_N] * math.sin(delta) / M
+    assert bool(along_mps2 > 0.0) is (rate_mps2 > 0.0)
+    more = share * along_mps2 * math.tan(delta)
+    assert braked[motion.AY] - rolling[motion.AY] == pytest.approx(more)
+    assert braked[motion.R_RATE] - rolling[motion.R_RATE] == pytest.approx(more * M * LF / IZ)
 
 
 def test_a_climb_is_pulled_up_by_wheels_that_point_aside() -> None:

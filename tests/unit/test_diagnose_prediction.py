@@ -232,6 +232,19 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
             assert silent or changed.max() > 1e-6, (effect.name, parameter.name)
 
 
+@pytest.mark.parametrize("cube", [-1.0 / 3.0, 1.0 / 6.0])
+def test_an_angle_may_be_drawn_as_something_else_of_it(cube: float) -> None:
+    """Steered by 0.2 rad with a cube of it is steered by that angle: so are those whose sine or tangent it is."""
+    wanted = 0.2 + cube * 0.2**3
+    assert wanted == pytest.approx({-1.0 / 3.0: math.atan(0.2), 1.0 / 6.0: math.asin(0.2)}[cube], abs=7e-5)
+    x = nothing()
+    x[INDEX["large_angles"]] = cube
+    other = drive(np.full(N, 5.0), np.full(N, wanted))
+    one = drive(np.full(N, 5.0), np.full(N, 0.2))
+    np.testing.assert_allclose(predicted(one, x, flat(N)), predicted(other, nothing(), flat(N)), atol=1e-12)
+    assert not np.allclose(predicted(one, nothing(), flat(N)), predicted(other, nothing(), flat(N)), atol=1e-4)
+
+
 def test_readings_clip_and_z_only_where_it_stands_at_the_limit() -> None:
     row = shown(SPEEDING, sensor_saturation__accel_limit_mps2=1.5)[1500]
     assert row[3] == pytest.approx(1.5)
