@@ -22,7 +22,7 @@ _BEYOND, _NEARLY_ALL = 1.1, 0.999
 _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
 # And by the end it has gone so many times as far as what is left beside it wanders (rms of blocks' means): a sensor's
 # flicker, whose power is the inverse of frequency, goes that far in one of 2000.
-_FAR_BEYOND = 7.5
+_FAR_BEYOND = 8.0
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
 _OF_WHEELS = ("wheel_radius", "wheel_square")

@@ -505,7 +505,7 @@ def test_slopes_that_are_known_need_not_be_taken_again() -> None:
     alone = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE)
     known = Slopes(nominal.x, (), columns, there)
     beside = fitted(one, rows, nominal.x, ("gyro_scale",), TOLERANCE, known=known)
-    assert np.max(np.abs(beside.x - alone.x)[list(alone.columns)] / alone.std) < 0.03
+    assert np.max(np.abs(beside.x - alone.x)[list(alone.columns)] / alone.std) < 0.05
     judged = exactly(one, rows, beside, TOLERANCE)
     np.testing.assert_allclose(judged.unseen, alone.unseen, rtol=2e-3)
     np.testing.assert_allclose(judged.std, alone.std, rtol=2e-3)
