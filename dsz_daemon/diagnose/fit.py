@@ -72,6 +72,8 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
+# Of smaller road wheel angles a sine is the angle, to a thousandth or two.
+_LARGE_ANGLES, _LARGE_RAD = INDEX["large_angles"], 0.1
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -182,6 +184,7 @@ def fitted(
     """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
+    hidden |= {_LARGE_ANGLES} if float(np.max(np.abs(drive.steer))) < _LARGE_RAD else set()
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
