@@ -245,6 +245,19 @@ def test_an_angle_may_be_drawn_as_something_else_of_it(cube: float) -> None:
     assert not np.allclose(predicted(one, nothing(), flat(N)), predicted(other, nothing(), flat(N)), atol=1e-4)
 
 
+@pytest.mark.parametrize(("name", "begins_s", "ends_s"), [("steered_pull", 2.0, 13.0), ("steered_brake", 17.0, 28.0)])
+def test_drive_and_brakes_along_steered_wheels_are_two_numbers(name: str, begins_s: float, ends_s: float) -> None:
+    """Up by 1 m/s2 for 15 s and down by 2: each changes the yaw rate where it is, by little else where it is not."""
+    v = np.where(T < 15.0, 10.0 + T, 25.0 - 1.2 * (T - 15.0))
+    one, x = drive(v, np.full(N, 0.02)), nothing()
+    x[INDEX[name]] = 1.0
+    more = np.abs(predicted(one, x, flat(N)) - predicted(one, nothing(), flat(N)))[:, 2]
+    inside = (begins_s < T) & (ends_s > T)
+    beyond = (T > 2.0) & (T < 28.0) & ((begins_s - 3.0 > T) | (ends_s + 3.0 < T))
+    assert np.min(more[inside]) > 20.0 * np.max(more[beyond])
+    assert np.min(more[inside]) > 1e-4
+
+
 def test_readings_clip_and_z_only_where_it_stands_at_the_limit() -> None:
     row = shown(SPEEDING, sensor_saturation__accel_limit_mps2=1.5)[1500]
     assert row[3] == pytest.approx(1.5)

@@ -25,7 +25,7 @@ def judged(effect: str, values: dict[str, float], stds: dict[str, float]) -> boo
     for name, value in stds.items():
         std[columns.index(INDEX[f"{effect}.{name}"])] = value
     drive: Any = SimpleNamespace(vocabulary=BUILT_IN)
-    fit: Any = SimpleNamespace(x=x, std=std, columns=columns)
+    fit: Any = SimpleNamespace(x=x, std=std, columns=columns, effects=(effect,))
     rows: Any = None
     return is_implausible(drive, rows, fit, effect)
 
