@@ -194,6 +194,8 @@ def fitted(
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
+    moments = [i for i, column in enumerate(words.columns) if column in MOMENTS]
+    x[moments] = np.minimum(x[moments], len(drive.steer) * DT_S)
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):
