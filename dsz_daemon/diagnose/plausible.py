@@ -21,7 +21,7 @@ _BEYOND, _NEARLY_ALL = 1.1, 0.999
 # An offset that drifts does so in each third of the way, by this share of what it does in all of it.
 _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
 # And by the end it has gone so many times as far as what is left beside it wanders (rms of blocks' means): a sensor's
-# flicker, whose power is the inverse of frequency, goes that far in one of 2000.
+# flicker, whose power is the inverse of frequency, goes that far in one of some hundreds.
 _FAR_BEYOND = 8.0
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0

@@ -155,7 +155,7 @@ def _taken(setup: Setup, base_id: int, *, spare: bool = False) -> str:
 def _out_of_the_way(setup: Setup) -> Setup:
     """With other ids, and a warning, where nobody chose any and a mapped message has one of the usual.
 
-    They are of no message of the DBCs, mapped or not.
+    They are of no message of the DBCs, mapped or not, and none of the spare ones.
     """
     output, checked = setup.settings.output, setup.checked
     names = _taken(setup, output.base_id)
@@ -163,6 +163,8 @@ def _out_of_the_way(setup: Setup) -> Setup:
         return setup
     dbcs = [load_dbc(name, setup.path.parent) for name in setup.settings.signals.dbc]
     theirs = {message.frame_id for dbc in dbcs for message in dbc.database.messages}
+    spare = output.spare_base_id
+    theirs |= set() if spare is None else set(range(spare, spare + _IDS_SET_ASIDE))
     bases = sorted(range(_LOWEST_ID, _DIAGNOSTICS, _IDS_SET_ASIDE), key=lambda base: abs(base - output.base_id))
     free = next((base for base in bases if not theirs & set(range(base, base + _IDS_SET_ASIDE))), None)
     if free is None:

@@ -53,6 +53,11 @@ def test_not_those_of_a_message_that_is_not_mapped(dsz: Dsz, tmp_path: Path) -> 
     assert base_id == 0x6E0
 
 
+def test_nor_the_spare_ones(dsz: Dsz, tmp_path: Path) -> None:
+    base_id, _ = checked(dsz, car(tmp_path, 0x6D1, "output: {on_conflict: move, spare_base_id: 0x6C0}\n"))
+    assert base_id == 0x6E0
+
+
 def test_ids_that_were_chosen_are_not_changed(dsz: Dsz, tmp_path: Path) -> None:
     called = dsz("check", car(tmp_path, 0x6D1, "output: {base_id: 0x6D0}\n"))
     assert called.code == 2

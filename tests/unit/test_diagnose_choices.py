@@ -515,6 +515,7 @@ def test_slopes_that_are_known_need_not_be_taken_again() -> None:
     assert np.max(np.abs(beside.x - alone.x)[list(alone.columns)] / alone.std) < 0.03
     judged = exactly(one, rows, beside, TOLERANCE)
     np.testing.assert_allclose(judged.unseen, alone.unseen, rtol=2e-3)
+    # Of what stands at its bound a secant is longer than of what stands beside it.
     np.testing.assert_allclose(judged.std, alone.std, rtol=1e-2)
     assert known.of(nominal.x, ("gyro_scale", "road_bank"), columns) is None
     assert known.of(nominal.x + 1e-9, ("gyro_scale",), columns) is None

@@ -100,12 +100,12 @@ def test_a_body_leans_to_forces_that_are_in_no_simulation_and_the_road_does_not(
 
 def test_a_fit_leans_the_body_to_what_it_leaves() -> None:
     one, _ = leaning_drive(6000.0 * np.sin(2.0 * np.pi * T / 5.0))
-    fit = fitted(one, rows_of(one), nothing(), ("suspension_roll",), {})
+    fit = fitted(one, rows_of(one), nothing(), ("suspension_roll",), {}, 1e-6)
     assert fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0
     moving, shown = run(one, fit.x, fit.road)
     left = one.measured[:, 4] - shown[:, 4]
     beside = fit.road.lean_mps2 - moving.moved[:, motion.LEANS]
-    np.testing.assert_allclose(beside[300:-300], left[300:-300], atol=0.04)
+    np.testing.assert_allclose(beside[300:-300], left[300:-300], atol=0.02)
     assert np.std(left) > 0.3
 
 
