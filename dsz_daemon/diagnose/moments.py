@@ -52,7 +52,8 @@ def with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
 def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
     """The fit with each end of its slippery stretch, if it has one, in the middle of where it may as well be.
 
-    Once, of what is to be told: along a straight that is many simulations.
+    Once, of what is to be told: along a straight that is many simulations. Each is told with the
+    spread of what is anywhere there.
     """
     if "low_friction" not in fit.effects:
         return fit
@@ -60,14 +61,24 @@ def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, fl
     least, as_good = loss_of(fit.left, rows, fit.scatter), _AS_GOOD * float(np.max(fit.per_row))
     x, last_s = fit.x.copy(), float(len(drive.steer) * DT_S)
     x[moments_of(drive)] = np.clip(x[moments_of(drive)], 0.0, last_s)
-    begun = x.copy()
+    begun, bounds_s = x.copy(), dict[int, tuple[float, float]]()
     for i in moments_of(drive):
         is_as_good = partial(_is_less, least + as_good, left_by, begun, i)
-        x[i] = 0.5 * sum(_as_far_as(is_as_good, float(begun[i]), to_s) for to_s in (0.0, last_s))
-    if left_by(x) > least + 2.0 * as_good:
-        return fit
-    left = residual(rows, predicted(drive, x, fit.road))
-    return exactly(drive, rows, fit._replace(x=x, left=left), tolerance, each)
+        first_s, end_s = (_as_far_as(is_as_good, float(begun[i]), to_s) for to_s in (0.0, last_s))
+        x[i], bounds_s[i] = 0.5 * (first_s + end_s), (first_s, end_s)
+    if left_by(x) <= least + 2.0 * as_good:
+        left = residual(rows, predicted(drive, x, fit.road))
+        fit = exactly(drive, rows, fit._replace(x=x, left=left), tolerance, each)
+    # Its slopes tell of a moment what it costs to leave it, which on a plateau is next to nothing.
+    std = fit.std.copy()
+    for i, (first_s, end_s) in bounds_s.items():
+        std[fit.columns.index(i)] = _spread_s(first_s - fit.x[i], end_s - fit.x[i])
+    return fit._replace(std=std)
+
+
+def _spread_s(first_s: float, end_s: float) -> float:
+    """The rms of what is anywhere between these two, looked for in steps."""
+    return math.hypot(math.sqrt((first_s**2 + first_s * end_s + end_s**2) / 3.0), 0.5 * _STEP_S)
 
 
 def _left_by(drive: Drive, rows: Rows, fit: Fit, trial: Floats) -> float:

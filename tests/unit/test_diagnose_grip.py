@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -112,6 +113,28 @@ def test_a_fit_keeps_a_stretch_on_the_way() -> None:
     begin_s, end_s = again.x[moments_of(one)]
     assert begin_s == pytest.approx(20.0, abs=2.0)
     assert end_s <= LAST_S + 1e-9
+
+
+def test_a_moment_is_as_sure_as_the_car_is_steered_there() -> None:
+    """A straight tells nothing of grip: where a stretch begins on it could be anywhere."""
+    begins_s, moment = 20.0, moments_of(worn())[0]
+    straight_s = (12.0, 26.0)
+    told = []
+    for steer in (CITY_STEER, np.where((straight_s[0] < T) & (straight_s[1] > T), 0.0, CITY_STEER)):
+        ice = {"low_friction.inverse_square": 0.3**-2, "low_friction.start_s": begins_s, "low_friction.end_s": 60.0}
+        one = drive(ice, CITY_V, 1.3 * steer)
+        rows, x = rows_of(one), nothing()
+        for name, value in ice.items():
+            x[INDEX[name]] = value
+        fit = fitted(one, rows, x, ("low_friction",), TOLERANCE)
+        fit = in_the_middle(one, rows, fit, TOLERANCE)
+        told.append((fit.x[moment], fit.std[fit.columns.index(moment)]))
+    (steered, surely), (straight, hardly) = told
+    assert abs(steered - begins_s) < 1.0 < surely + 1e-9 < 2.0
+    # Uniform over the straight, or all but its ends.
+    assert straight == pytest.approx(np.mean(straight_s), abs=2.0)
+    assert hardly == pytest.approx(np.ptp(straight_s) / math.sqrt(12.0), rel=0.35)
+    assert abs(straight - begins_s) < 2.0 * hardly
 
 
 def test_beside_a_limit_of_grip_a_cars_numbers_are_no_surer_than_what_is_worth_a_name() -> None:
