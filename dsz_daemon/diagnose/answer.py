@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
-from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted
+from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted, wheel_squares
 from dsz_daemon.diagnose.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -98,16 +98,10 @@ def _names_slip_alone(causes: Sequence[Cause]) -> bool:
 
 
 def _wheel_shapes(found: Search) -> list[Shape]:
-    """What wheels show that grows with the square of their speed, beyond what all of them do: that hardly shows."""
-    least = {p.name: p.least for p in found.drive.vocabulary.described("wheel_square").parameters}
-    values = values_of(found.drive, found.best, "wheel_square")
-    if not values:
-        return []
-    common = float(np.median([value for value, _ in values.values()]))
+    """What wheels show that grows with the square of their speed."""
     return [
-        Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value - common, std, "(m/s)/(m2/s2)"), 1.0)
-        for wheel, (value, std) in values.items()
-        if abs(value - common) > max(least[wheel], _TOLERATED_SPREADS * std)
+        Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value, std, "(m/s)/(m2/s2)"), 1.0)
+        for wheel, (value, std) in wheel_squares(found.drive, found.best).items()
     ]
 
 

@@ -32,7 +32,7 @@ from dsz_daemon.diagnose.evidence import (
     sums,
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, flat, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
@@ -55,6 +55,8 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 _EFFECT_FORM = 0.03
 # Least of all the limit of grip: every tyre has a curve of its own.
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
+# Nor what has no name what the simplest of a library makes of it, from inputs with their noise.
+_SHAPE_FORM, _SHAPE = 0.1, ": k*"
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
@@ -83,6 +85,8 @@ _INSTEAD_OF = {
     "track_width": (INDEX["front_track_m"], INDEX["rear_track_m"]),
     "steering_delay": (INDEX["steering_skew_s"],),
 }
+# What one wheel has, and not all of them: once it is told of some the others have none.
+ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
@@ -188,9 +192,10 @@ def fitted(
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
+    few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if i in there or e not in GUESSED),
+        *(i for e in effects for i in words.columns_of(e) if i in there or e not in few),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
@@ -236,6 +241,11 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
     if leans_on_a_bank(effects):
         found = np.hypot(found, _form(drive, rows, x, effects, predicted(drive, x, felt(x))))
     return found
+
+
+def with_shapes(effects: Collection[str]) -> set[str]:
+    """The channels of which something without a name is in the model."""
+    return {effect.partition(_SHAPE)[0] for effect in effects if _SHAPE in effect}
 
 
 def may_be_a_curve(drive: Drive, effects: Collection[str], effect: str) -> bool:
@@ -315,7 +325,9 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     lasting = np.sum(change[:, :_IMU], axis=0) / count[:_IMU]
     change[:, :_IMU] -= np.where(rows.used[:, :_IMU], lasting, 0.0)
     rms = np.sqrt(np.sum(change**2, axis=0) / count)
-    found = np.hypot(rows.form, (_GRIP_FORM if GRIP & set(effects) else _EFFECT_FORM) * rms)
+    share = np.full(len(rms), _GRIP_FORM if GRIP & set(effects) else _EFFECT_FORM)
+    share[[CHANNELS.index(channel) for channel in with_shapes(effects)]] = _SHAPE_FORM
+    found = np.hypot(rows.form, share * rms)
     if TILTS & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))

@@ -10,6 +10,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curve
+from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
@@ -31,6 +32,7 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
 _TO_AN_AXLE = 0.6
+_ROLL_GYRO = 0
 _LEANS, _AHEAD = INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["side_wind.ahead_m"]
 
 
@@ -39,6 +41,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
     if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit) or _pushes_an_axle(drive, fit)):
+        return True
+    if effect == "side_wind" and _is_a_bank_unfelt(drive, fit):
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -130,6 +134,14 @@ def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
         if abs(slope) * (time_s[-1] - time_s[0]) > _FAR_BEYOND * float(np.std(means)):
             return False
     return True
+
+
+def _is_a_bank_unfelt(drive: Drive, fit: Fit) -> bool:
+    """Whether there is no roll gyro to feel a bank, and what it is taken from is not told by the wind.
+
+    Both push a car aside; an accelerometer that shows a push that the car does not follow stands on a tilted road.
+    """
+    return bool(np.isnan(drive.measured[:, _ROLL_GYRO]).all() and far_off(drive, fit)[OWN_CHANNEL["side_wind"]])
 
 
 def _slides(drive: Drive, fit: Fit) -> bool:

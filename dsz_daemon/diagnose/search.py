@@ -18,7 +18,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.fit import ONE_BY_ONE, OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right, quiet
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
@@ -27,7 +27,7 @@ from dsz_daemon.diagnose.screening import Screening, screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
 from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles
 from dsz_daemon.diagnose.starts import Start, starts_of
-from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
+from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found, wheel_squares
 
 Progress = Callable[[str], None]
 
@@ -240,6 +240,12 @@ class _Trial:
                 before, fit = fit.x, self._fitted(moved, effects)
                 if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
                     break
+        if effect in ONE_BY_ONE and (wheels := wheel_squares(self.drive, fit)):
+            # What all wheels do alike would be another speed, and that accelerometers show too little of it.
+            alone = fit.x.copy()
+            alone[list(self.drive.vocabulary.columns_of(effect))] = 0.0
+            alone[[INDEX[f"{effect}.{wheel}"] for wheel in wheels]] = [value for value, _ in wheels.values()]
+            fit = self._fitted(alone, effects)
         if any(is_implausible(self.drive, self.rows, fit, one) for one in new):
             return Step(effect, -math.inf, fit)
         if effect in GUESSED:

@@ -17,6 +17,11 @@ from dsz_daemon.diagnose.unlisted import is_shape
 _SHARE_OF_ALL = 0.015
 # And beside a limit of grip so much of what that gains, if it may be that: every tyre has a curve of its own.
 _SHARE_OF_GRIP = 0.05
+# And beside a shape in a gyro, or accelerometer, so much of what that gains, if it is what all of these show: it is the
+# simplest of a library, of inputs with their noise, and leaves some of what is there.
+_SHARE_OF_SHAPE = 0.1
+
+_INSTRUMENTS = ("gyro", "accel")
 
 
 def share_of_all(gains: Mapping[str, float]) -> float:
@@ -27,7 +32,14 @@ def share_of_all(gains: Mapping[str, float]) -> float:
 def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
     """What this effect, or shape, has to gain beside others."""
     is_one = is_shape(effect) or may_be_a_curve(drive, gains, effect)
-    return max([share_of_all(gains), *(_SHARE_OF_GRIP * gains[limit] for limit in GRIP & gains.keys() if is_one)])
+    by_grip = [_SHARE_OF_GRIP * gains[limit] for limit in GRIP & gains.keys() if is_one]
+    instrument = effect.partition("_")[0]
+    by_shapes = [
+        _SHARE_OF_SHAPE * gain
+        for shape, gain in gains.items()
+        if is_shape(shape) and not is_shape(effect) and instrument in _INSTRUMENTS and shape.startswith(instrument)
+    ]
+    return max([share_of_all(gains), *by_grip, *by_shapes])
 
 
 def without(

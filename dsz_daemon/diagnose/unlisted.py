@@ -16,18 +16,20 @@ from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, noises
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.fit import Fit, values_of
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
-from dsz_daemon.diagnose.recording import filter_kernel, filtered
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS
 
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
 LEAST_SHARE = 0.05
 _LEAST_LEVEL = 1.25
 LEAST_ROWS = 500
-# The best of some eighty shapes and channels is so good by chance, and a parameter more has to be paid for.
-BY_CHANCE = math.log(80.0)
+# A wheel differs from what all of them have in common by so many of its spreads.
+_WHEEL_SPREADS = 3.0
+# The best of some ninety shapes and channels is so good by chance, and a parameter more has to be paid for.
+BY_CHANCE = math.log(90.0)
 CHOSEN_OF_MANY = BY_CHANCE + 3.0
 
 
@@ -64,6 +66,7 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
     """Products of the simulated motion (n,) with their units: what a sensor shows wrongly is not in them.
 
     None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness).
+    How quickly the driver steers has none, but turns a car as an arm would show it.
     """
     v, v_rate = moving.v_mps, filtered(moving.v_rate, filter_kernel())
     r, side = moving.moved[:, R], moving.moved[:, AY]
@@ -82,6 +85,7 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "r^2": (r * r, "rad2/s2"),
         "vx*ax": (v * v_rate, "m2/s3"),
         "|delta|": (np.abs(steer), "rad"),
+        "delta'": (filtered(np.gradient(steer, DT_S), filter_kernel()), "rad/s"),
     }
     return shapes
 
@@ -151,6 +155,27 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
             std = math.sqrt(scatter * float(np.linalg.pinv(table.T @ table)[1, 1]))
             best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]), std)
     return best
+
+
+def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:
+    """Wheels that show the square of their speed beyond what all of them do, which hardly shows: how much, and spread.
+
+    `wheel_square`, if it is in the model, has as many parameters as there are wheels that have it.
+    """
+    described = drive.vocabulary.described("wheel_square")
+    least = {parameter.name: parameter.least for parameter in described.parameters}
+    told = values_of(drive, fit, described.name)
+    if described.name not in fit.effects:
+        return {}
+    values = {wheel: told.get(wheel, (0.0, 0.0)) for wheel in least}
+    # Most have nothing: of the two in the middle the one that is less.
+    _, *middle, _ = sorted(value for value, _ in values.values())
+    common = min(middle, key=abs)
+    return {
+        wheel: (value - common, std)
+        for wheel, (value, std) in values.items()
+        if abs(value - common) > max(least[wheel], _WHEEL_SPREADS * std)
+    }
 
 
 def as_effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:

@@ -1,0 +1,125 @@
+"""diagnose: what has no name, and would be given one for what it does elsewhere, or for what its shape leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.motion import G
+from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.search import _shaped
+from dsz_daemon.diagnose.smaller import asked_of
+from dsz_daemon.diagnose.unlisted import best_shape, wheel_squares
+
+ALONG, ACROSS, YAW = 3, 4, 2
+# Of 0.04 sin 0.9 t + 0.02 sin 2.3 t.
+STEERED = 0.036 * np.cos(0.9 * T) + 0.046 * np.cos(2.3 * T)
+
+
+# Sideways so do the first moments of a car that is turned in, and little is told.
+@pytest.mark.parametrize(("channel", "off"), [(ALONG, 0.05), (ACROSS, 0.25)])
+def test_what_follows_the_steerings_rate_is_no_lever_arm(channel: int, off: float) -> None:
+    """A yaw acceleration, which an arm shows, comes near it where the speed hardly changes."""
+    name = ("accel_x", "accel_y")[channel - ALONG]
+
+    def add(one: Drive) -> None:
+        one.measured[:, channel] += 2.0 * STEERED
+
+    search = found(drive({}, CITY_V, CITY_STEER, change=add))
+    assert search.best.effects == (f"{name}: k*delta'",)
+    [shape] = answered(search).unlisted
+    assert shape.coefficient.value == pytest.approx(2.0, rel=off)
+    assert shape.coefficient.unit == "(m/s2)/(rad/s)"
+
+
+def test_an_arm_stays_one() -> None:
+    search = found(drive({"imu_lever_arm.x_m": 0.4, "imu_lever_arm.y_m": -0.3}, CITY_V, CITY_STEER))
+    assert search.best.effects == ("imu_lever_arm",)
+
+
+def magnets(*wheels: int) -> Drive:
+    """Rear wheels as read, and what is compared: front ones and the rear ones' difference; k of v^2 of the car."""
+
+    def change(one: Drive) -> None:
+        for wheel in wheels:
+            more = 1e-3 * CITY_V**2
+            one.wheels[:, wheel] += more
+            if wheel == 2:
+                one.measured[:, 8] -= more
+            else:
+                one.measured[:, 6 + wheel] += more
+
+    return drive({}, CITY_V, CITY_STEER, change=change)
+
+
+def test_of_a_wheel_that_shows_its_square_the_others_are_told_nothing() -> None:
+    """What all four did alike would be another speed, of which the accelerometers show too little."""
+    search = found(magnets(2))
+    assert search.best.effects == ("wheel_square",)
+    columns = search.drive.vocabulary.columns_of("wheel_square")
+    assert [search.best.x[i] for i in columns if i not in search.best.columns] == [0.0, 0.0, 0.0]
+    assert list(wheel_squares(search.drive, search.best)) == ["rl"]
+    assert wheel_squares(search.drive, search.nominal) == {}
+    [shape] = answered(search).unlisted
+    assert shape.coefficient.value == pytest.approx(1e-3, rel=0.05)
+
+
+def test_two_that_do_are_both_told() -> None:
+    search = found(magnets(0, 2))
+    told = wheel_squares(search.drive, search.best)
+    assert list(told) == ["fl", "rl"]
+    for value, std in told.values():
+        assert abs(value - 1e-3) < 3.0 * std
+
+
+def test_beside_a_shape_more_is_asked_of_what_the_same_instruments_show() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    gains = {"gyro_x: k*ax*ay": 700.0, "gyro_cross_axis": 50.0}
+    for gyros in ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity"):
+        assert asked_of(one, gyros, gains) == pytest.approx(70.0)
+    for other in ("accel_scale", "imu_misalignment", "steering_ratio", "accel_y: k*ay^3", "gyro_z: k*vx"):
+        assert asked_of(one, other, gains) == pytest.approx(0.015 * 750.0)
+
+
+def test_a_shape_is_drawn_more_coarsely_than_all_else_in_its_own_channel() -> None:
+    across = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, ACROSS]
+
+    def trailer(one: Drive) -> None:
+        one.measured[:, YAW] += 1e-4 * across**3
+
+    one = drive({"accel_scale.y": 0.05}, CITY_V, CITY_STEER, change=trailer)
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE)
+    shape = best_shape(one, rows, before)
+    assert shape is not None
+    there, fit, _ = _shaped(one, rows, before, shape, TOLERANCE, map)
+    without = fit.x.copy()
+    without[[i for effect in fit.effects for i in there.vocabulary.columns_of(effect)]] = 0.0
+    change = (predicted(there, fit.x, fit.road) - predicted(there, without, flat(N)))[rows.at]
+    for channel, share in ((YAW, 0.1), (ACROSS, 0.03)):
+        size = float(np.std(change[rows.used[:, channel], channel]))
+        assert fit.form[channel] == pytest.approx(np.hypot(rows.form[channel], share * size))
+
+
+@pytest.mark.parametrize("is_felt", [True, False])
+def test_a_push_that_only_the_accelerometer_shows_is_no_wind_where_nothing_feels_a_bank(is_felt: bool) -> None:
+    """A tilt that is slower than a car that yields to it."""
+    tilt = 0.02 * np.sin(0.25 * T)
+
+    def change(one: Drive) -> None:
+        one.measured[:, ACROSS] += G * tilt
+        if not is_felt:
+            one.measured[:, 0] = np.nan
+
+    one = drive({}, CITY_V, CITY_STEER, change=change)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    push = fit._replace(effects=("side_wind",), road=fit.road._replace(side_n=700.0 * np.sin(T)))
+    assert is_implausible(one, rows, push, "side_wind") is not is_felt
+    told = push._replace(unseen=np.zeros_like(push.unseen))
+    assert not is_implausible(one, rows, told, "side_wind")
