@@ -11,13 +11,14 @@ from dsz_daemon.diagnose.descent import loss_of_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.limits import LIMITS, reaches, tops_of
+from dsz_daemon.diagnose.moments import SHORTEST_S
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
 
 # The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
 _BEYOND, _FOR_ROWS = 1.02, 5
-# A slippery stretch: so long at least, and so much of log likelihood has to be gained in it.
-_SHORTEST_S, _LEAST = 2.0, 10.0
+# So much of log likelihood has to be gained in a slippery stretch.
+_LEAST = 10.0
 _YAW, _ACROSS = 2, 4
 _FRICTIONS = np.geomspace(0.12, 1.0, 14)
 # Whether drive and brakes take of the grip.
@@ -75,7 +76,7 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
         if (of_all := float(np.sum(gained))) > most_of_all:
             most_of_all, found["tyre_saturation"] = of_all, _as_everywhere(best.x, x)
         first, last, total = _stretch(gained)
-        if total > most and (last - first) * ROW_S > _SHORTEST_S:
+        if total > most and (last - first) * ROW_S > SHORTEST_S:
             x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = rows.at[[first, last - 1]] * DT_S
             most, found["low_friction"] = total, x
     return list(found.items())

@@ -14,6 +14,8 @@ from dsz_daemon.diagnose.fit import MOMENTS, Fit, exactly
 from dsz_daemon.diagnose.prediction import Drive, Floats, predicted
 from dsz_daemon.diagnose.recording import DT_S
 
+# So long is a slippery stretch at least.
+SHORTEST_S = 2.0
 # Log likelihood by which a moment has to be worse than the best to be none: rows that hang together count as one.
 _AS_GOOD, _STEP_S = 2.0, 2.0
 
@@ -62,9 +64,10 @@ def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, fl
     x, last_s = fit.x.copy(), float(len(drive.steer) * DT_S)
     x[moments_of(drive)] = np.clip(x[moments_of(drive)], 0.0, last_s)
     begun, bounds_s = x.copy(), dict[int, tuple[float, float]]()
-    for i in moments_of(drive):
+    begins_s, ends_s = begun[moments_of(drive)].tolist()
+    for i, way_s in zip(moments_of(drive), ((0.0, ends_s), (begins_s, last_s)), strict=True):
         is_as_good = partial(_is_less, least + as_good, left_by, begun, i)
-        first_s, end_s = (_as_far_as(is_as_good, float(begun[i]), to_s) for to_s in (0.0, last_s))
+        first_s, end_s = (_as_far_as(is_as_good, float(begun[i]), to_s) for to_s in way_s)
         x[i], bounds_s[i] = 0.5 * (first_s + end_s), (first_s, end_s)
     if left_by(x) <= least + 2.0 * as_good:
         left = residual(rows, predicted(drive, x, fit.road))

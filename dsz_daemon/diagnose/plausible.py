@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curve
 from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.limits import limits_read_off
+from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
 from dsz_daemon.diagnose.recording import DT_S
@@ -43,6 +44,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit) or _pushes_an_axle(drive, fit)):
         return True
     if effect == "side_wind" and _is_a_bank_unfelt(drive, fit):
+        return True
+    if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -142,6 +145,12 @@ def _is_a_bank_unfelt(drive: Drive, fit: Fit) -> bool:
     Both push a car aside; an accelerometer that shows a push that the car does not follow stands on a tilted road.
     """
     return bool(np.isnan(drive.measured[:, _ROLL_GYRO]).all() and far_off(drive, fit)[OWN_CHANNEL["side_wind"]])
+
+
+def _is_no_stretch(drive: Drive, fit: Fit) -> bool:
+    """Whether a slippery stretch is over before a car shows it, or before it begins."""
+    begins_s, ends_s = fit.x[moments_of(drive)]
+    return bool(ends_s - begins_s < SHORTEST_S)
 
 
 def _slides(drive: Drive, fit: Fit) -> bool:

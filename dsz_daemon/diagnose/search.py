@@ -18,7 +18,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import ONE_BY_ONE, OWN_CHANNEL, Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right, quiet
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
@@ -328,7 +328,10 @@ def _enough_first(
         return step.gain >= LEAST_GAIN and (step.gain >= asked or is_beyond_form(drive, best, step.fit))
 
     gaining = [step for step in ranked if gains_enough(step)]
-    gaining.sort(key=lambda step: not is_told(drive, step.fit, step.effect))
+    told = {step.effect for step in gaining if is_told(drive, step.fit, step.effect)}
+    # How low a limit of grip is its curve leaves open: one for a while is told no better than one all the way.
+    told |= GRIP if told & GRIP else set()
+    gaining.sort(key=lambda step: step.effect not in told)
     return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
 
 

@@ -17,6 +17,8 @@ from dsz_daemon.diagnose.unlisted import is_shape
 _SHARE_OF_ALL = 0.015
 # And beside a limit of grip so much of what that gains, if it may be that: every tyre has a curve of its own.
 _SHARE_OF_GRIP = 0.05
+# A second limit of grip beside the first is that curve once more, unless it does much.
+_SHARE_OF_LIMIT = 0.2
 # And beside a shape in a gyro, or accelerometer, so much of what that gains, if it is what all of these show: it is the
 # simplest of a library, of inputs with their noise, and leaves some of what is there.
 _SHARE_OF_SHAPE = 0.1
@@ -32,7 +34,8 @@ def share_of_all(gains: Mapping[str, float]) -> float:
 def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
     """What this effect, or shape, has to gain beside others."""
     is_one = is_shape(effect) or may_be_a_curve(drive, gains, effect)
-    by_grip = [_SHARE_OF_GRIP * gains[limit] for limit in GRIP & gains.keys() if is_one]
+    share = _SHARE_OF_LIMIT if effect in GRIP else _SHARE_OF_GRIP if is_one else 0.0
+    by_grip = [share * gains[limit] for limit in (GRIP - {effect}) & gains.keys()]
     instrument = effect.partition("_")[0]
     by_shapes = [
         _SHARE_OF_SHAPE * gain

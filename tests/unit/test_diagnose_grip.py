@@ -10,6 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
 from dsz_daemon.diagnose import moments as moments_module
+from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -17,7 +18,7 @@ from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
-from dsz_daemon.diagnose.search import Step, _rank, searched
+from dsz_daemon.diagnose.search import Step, _enough_first, _rank, searched
 from dsz_daemon.diagnose.starts import starts_of
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
@@ -135,6 +136,37 @@ def test_a_moment_is_as_sure_as_the_car_is_steered_there() -> None:
     assert straight == pytest.approx(np.mean(straight_s), abs=2.0)
     assert hardly == pytest.approx(np.ptp(straight_s) / math.sqrt(12.0), rel=0.35)
     assert abs(straight - begins_s) < 2.0 * hardly
+
+
+@pytest.mark.parametrize(("ends_s", "is_none"), [(21.9, True), (22.1, False), (15.0, True)])
+def test_a_stretch_is_none_that_is_over_before_a_car_shows_it(ends_s: float, is_none: bool) -> None:
+    one, rows, fit = slippery(ends_s)
+    fit.x[moments_of(one)[0]] = 20.0
+    assert is_implausible(one, rows, fit, "low_friction") is is_none
+
+
+def test_a_stretch_ends_after_it_begins_wherever_nothing_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where both ends could be anywhere, neither is told beyond the other."""
+    one, rows, fit = slippery(40.0)
+    monkeypatch.setattr(moments_module, "_left_by", lambda *_: 0.0)
+    begins_s, ends_s = in_the_middle(one, rows, fit, TOLERANCE).x[moments_of(one)]
+    assert (begins_s, ends_s) == (pytest.approx(20.0, abs=1.0), pytest.approx(40.0, abs=1.0))
+
+
+def test_of_two_limits_the_one_that_gains_more_is_named_however_sure_its_friction_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A stretch, which has less to explain, tells its friction better; but what one limit tells, so does the other."""
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    ranked = [Step(name, gain, fit) for name, gain in (("tyre_saturation", 260.0), ("low_friction", 240.0))]
+    ranked += [Step("steering_ratio", 230.0, fit), Step("gyro_scale", 220.0, fit)]
+    for sure, order in (
+        ({"low_friction"}, ["tyre_saturation", "low_friction", "steering_ratio", "gyro_scale"]),
+        ({"gyro_scale"}, ["gyro_scale", "tyre_saturation", "low_friction", "steering_ratio"]),
+    ):
+        monkeypatch.setattr(search_module, "is_told", lambda _drive, _fit, effect, sure=sure: effect in sure)
+        assert [step.effect for step in _enough_first(one, fit, ranked, lambda _: 0.0)] == order
 
 
 def test_beside_a_limit_of_grip_a_cars_numbers_are_no_surer_than_what_is_worth_a_name() -> None:

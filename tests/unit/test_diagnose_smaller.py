@@ -199,11 +199,15 @@ def test_beside_a_limit_of_grip_more_is_asked_of_what_a_tyres_own_curve_may_be()
     for car in ("steering_compliance", "steering_ratio", "accel_y: k*ay^3"):
         assert asked(car) == pytest.approx(35.0)
         assert asked(car, "tyre_saturation") == pytest.approx(1.5)
-    # Sensors have no grip; and of two limits the one is not held against the other.
-    for other in ("gyro_scale", "low_friction", "tyre_saturation", "road_bank"):
+    # Sensors have no grip.
+    for other in ("gyro_scale", "tyre_saturation", "road_bank"):
         assert asked(other) == pytest.approx(12.0)
+    # A second limit beside the first is the same curve, unless it does much; not beside itself.
+    assert asked("low_friction") == pytest.approx(140.0)
     gains["low_friction"] = 1000.0
     assert asked("steering_ratio") == pytest.approx(50.0)
+    assert asked("tyre_saturation") == pytest.approx(200.0)
+    assert asked("low_friction") == pytest.approx(140.0)
 
 
 def test_what_came_before_a_limit_of_grip_may_be_its_curve_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
