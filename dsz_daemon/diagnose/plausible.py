@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curv
 from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
-from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.signals import IMU_CHANNELS
@@ -25,6 +25,8 @@ _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
 # And by the end it has gone so many times as far as what is left beside it wanders (rms of blocks' means): a sensor's
 # flicker, whose power is the inverse of frequency, goes that far in one of some hundreds.
 _FAR_BEYOND = 8.0
+# Of the power of a gyro's block means what a road leaves: a hundredth where one is felt, 0.7 and more where none is.
+_UNFELT = 0.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
 _OF_WHEELS = ("wheel_radius", "wheel_square")
@@ -46,6 +48,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect == "side_wind" and _is_a_bank_unfelt(drive, fit):
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
+        return True
+    if effect in TILTS and _is_denied_by_its_gyro(drive, rows, fit, OWN_CHANNEL[effect]):
         return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -145,6 +149,24 @@ def _is_a_bank_unfelt(drive: Drive, fit: Fit) -> bool:
     Both push a car aside; an accelerometer that shows a push that the car does not follow stands on a tilted road.
     """
     return bool(np.isnan(drive.measured[:, _ROLL_GYRO]).all() and far_off(drive, fit)[OWN_CHANNEL["side_wind"]])
+
+
+def _is_denied_by_its_gyro(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
+    """Whether a road leaves its own gyro, slowly, nearly as far off as none would: nobody felt it.
+
+    Its corrections are for what a gyro drifts by, and not for what an accelerometer shows by itself.
+    """
+    used = rows.used[:, c]
+    road, flat_road = (predicted(drive, fit.x, one)[rows.at, c] for one in (fit.road, flat(len(drive.steer))))
+    left, block = fit.left[used, c], rows.block[used]
+    count = np.bincount(block)
+    enough = count > 0.5 * np.max(count, initial=1)
+
+    def slowly(values: Floats) -> float:
+        means = np.bincount(block, values)[enough] / count[enough]
+        return float(np.var(means)) if len(means) else 0.0
+
+    return slowly(left) > _UNFELT * slowly(left + (road - flat_road)[used])
 
 
 def _is_no_stretch(drive: Drive, fit: Fit) -> bool:

@@ -123,3 +123,34 @@ def test_a_push_that_only_the_accelerometer_shows_is_no_wind_where_nothing_feels
     assert is_implausible(one, rows, push, "side_wind") is not is_felt
     told = push._replace(unseen=np.zeros_like(push.unseen))
     assert not is_implausible(one, rows, told, "side_wind")
+
+
+def test_what_an_accelerometer_shows_by_itself_is_no_hill() -> None:
+    """Its offset jumps while the car stands: a road's corrections follow, of which its gyro feels nothing."""
+
+    def change(one: Drive) -> None:
+        one.measured[:, ALONG] += 0.2 / (1.0 + np.exp(-4.0 * (T - 38.0)))
+
+    one = drive({}, CITY_V * np.clip(1.0 - (T - 20.0) / 8.0, 0.0, 1.0), CITY_STEER * (T < 20.0), change=change)
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), (), TOLERANCE)
+    hill = fitted(one, rows, before.x, ("road_grade",), TOLERANCE)
+    # It would gain much, of blocks that it has not seen, too.
+    assert np.std(hill.left[rows.used[:, ALONG], ALONG]) < 0.5 * np.std(before.left[rows.used[:, ALONG], ALONG])
+    assert is_implausible(one, rows, hill, "road_grade")
+    assert "road_grade" not in found(one).best.effects
+
+
+def test_a_hill_is_one_that_its_gyro_feels() -> None:
+    hill_rad = 0.03 * np.sin(0.2 * T)
+
+    def change(one: Drive) -> None:
+        one.measured[:, 1] -= 0.03 * 0.2 * np.cos(0.2 * T)
+        one.measured[:, ALONG] += G * hill_rad
+        one.measured[:, 5] += 0.03 * 0.2 * np.cos(0.2 * T) * CITY_V
+
+    one = drive({}, CITY_V, CITY_STEER, change=change)
+    rows = rows_of(one)
+    hill = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    assert not is_implausible(one, rows, hill, "road_grade")
+    assert found(one).best.effects == ("road_grade",)
