@@ -14,7 +14,6 @@ from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
-from dsz_daemon.diagnose.profiles import SOFT, by_the_lean
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -36,14 +35,14 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
 _TO_AN_AXLE = 0.6
 _ROLL_GYRO = 0
-_LEANS, _AHEAD = INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["side_wind.ahead_m"]
+_AHEAD = INDEX["side_wind.ahead_m"]
 
 
 def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether an effect is what it can't be, or a told parameter at the end of what is plausible: something else is."""
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
-    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_at_the_road(fit) or _pushes_an_axle(drive, fit)):
+    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_an_axle(drive, fit)):
         return True
     if effect == "side_wind" and _is_a_bank_unfelt(drive, fit):
         return True
@@ -110,11 +109,6 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
         return False
     blocks = np.sqrt(np.sum(np.where(moving, squares, 0.0), axis=1)[driven] / np.count_nonzero(moving, axis=1)[driven])
     return float(np.quantile(blocks, _MUCH)) < _HARDLY * float(np.sqrt(np.mean(blocks**2)))
-
-
-def _pushes_at_the_road(fit: Fit) -> bool:
-    """Whether a soft body leans to the wind as to its tyres: a wind pushes the body, not the road."""
-    return bool(fit.x[_LEANS] > SOFT) and not by_the_lean(fit.x)
 
 
 def _pushes_an_axle(drive: Drive, fit: Fit) -> bool:

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
-from dsz_daemon.diagnose.search import Step, _enough_first, _Trial, _with_wind_anew
+from dsz_daemon.diagnose.search import Step, _enough_first, _Trial, _with_wind_anew, searched
 from dsz_daemon.diagnose.starts import starts_of
 
 MIDDLE = slice(500, N - 500)
@@ -176,3 +176,16 @@ def test_an_offset_and_a_leak_of_gravity_are_the_same_beside_a_wind_that_is_felt
     slopes = sensitivities(one, rows_of(one), x, felt(x), predicted(one, x, felt(x)), columns, felt)
     np.testing.assert_allclose(slopes[:, 2, 1], 9.80665 * slopes[:, 2, 0], rtol=0.05, atol=1e-3)
     assert np.std(slopes[:, 2, 0]) > 1e-3
+
+
+def test_a_wind_is_named_beside_a_body_that_leans_to_all_of_its_acceleration() -> None:
+    """As many are drawn; a push at the C.G.'s height leans it to what its tyres hold alone."""
+    soft = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
+    one = drive({"suspension_roll.roll_gradient_rad_per_mps2": 0.0107}, CITY_V, CITY_STEER)
+    calm, x = nothing(), nothing()
+    calm[soft] = x[soft] = 0.0107
+    x[AHEAD] = 0.3
+    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=GUSTS_N)) - predicted(one, calm, flat(N))
+    search = searched(one, rows_of(one), TOLERANCE)
+    assert search.best.effects == ("suspension_roll", "side_wind")
+    assert np.corrcoef(search.best.road.side_n[MIDDLE], GUSTS_N[MIDDLE])[0, 1] > 0.9
