@@ -55,8 +55,10 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 _EFFECT_FORM = 0.03
 # Least of all the limit of grip: every tyre has a curve of its own.
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
-# Nor what has no name what the simplest of a library makes of it, from inputs with their noise.
-_SHAPE_FORM, _SHAPE = 0.1, ": k*"
+# Nor is what has no name just what the simplest of a library makes of it, from inputs with their noise.
+_SHAPE_FORM = 0.1
+# Between the channel and the course of what has no name.
+SHAPE = ": k*"
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
@@ -245,7 +247,7 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
 
 def with_shapes(effects: Collection[str]) -> set[str]:
     """The channels of which something without a name is in the model."""
-    return {effect.partition(_SHAPE)[0] for effect in effects if _SHAPE in effect}
+    return {effect.partition(SHAPE)[0] for effect in effects if SHAPE in effect}
 
 
 def may_be_a_curve(drive: Drive, effects: Collection[str], effect: str) -> bool:

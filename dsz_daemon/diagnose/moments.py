@@ -54,8 +54,8 @@ def with_best_moments(drive: Drive, rows: Rows, fit: Fit) -> Floats:
 def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each = map) -> Fit:
     """The fit with each end of its slippery stretch, if it has one, in the middle of where it may as well be.
 
-    Once, of what is to be told: along a straight that is many simulations. Each is told with the
-    spread of what is anywhere there.
+    Once, of what is to be told: along a straight that is many simulations. Each is told with the spread of what is
+    anywhere there.
     """
     if "low_friction" not in fit.effects:
         return fit

@@ -10,7 +10,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Bools, Rows, floors
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved, sums
-from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of
+from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of, with_shapes
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, best_shape, library, unit_of
@@ -64,7 +64,7 @@ def shape_beside(
 
 def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
     """Each shape of each channel that has none yet, with its sums by block, in the channels' scatter."""
-    there = {effect.partition(":")[0] for effect in fit.effects}
+    there = with_shapes(fit.effects)
     library_here = library(driven(drive, fit.x, fit.road), drive.steer)
     names, courses = list(library_here), np.column_stack([course for course, _ in library_here.values()])
     blocks, found = int(rows.block[-1]) + 1, []

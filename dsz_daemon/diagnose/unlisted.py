@@ -16,7 +16,7 @@ from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, noises
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import Fit, values_of
+from dsz_daemon.diagnose.fit import SHAPE, Fit, values_of, with_shapes
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
@@ -85,19 +85,19 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "r^2": (r * r, "rad2/s2"),
         "vx*ax": (v * v_rate, "m2/s3"),
         "|delta|": (np.abs(steer), "rad"),
-        "delta'": (filtered(np.gradient(steer, DT_S), filter_kernel()), "rad/s"),
+        "delta'": (np.gradient(steer, DT_S), "rad/s"),
     }
     return shapes
 
 
 def is_shape(effect: str) -> bool:
     """Whether an effect of a search is one of these."""
-    return ": k*" in effect
+    return SHAPE in effect
 
 
 def best_shape(drive: Drive, rows: Rows, fit: Fit) -> Found | None:
     """The shape that explains most of what is left of an IMU channel that has none yet; None without structure."""
-    known = {effect.partition(":")[0] for effect in fit.effects}
+    known = with_shapes(fit.effects)
     found = [
         shape
         for c, channel in enumerate(CHANNELS[:6])
@@ -181,8 +181,7 @@ def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:
 def as_effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
     """The shape as what may have been left out; `course` (n,) of size `size`."""
     return Effect(
-        # As `is_shape` knows it.
-        name=f"{channel}: k*{shape}",
+        name=f"{channel}{SHAPE}{shape}",
         words=f"{channel} shows {{k:.3g}} {shape} more",
         equation=f"reading += k {shape}",
         touches=SENSORS,
