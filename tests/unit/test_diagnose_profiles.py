@@ -46,16 +46,13 @@ def test_wind_blows_all_the_way() -> None:
     assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
 
 
-@pytest.mark.parametrize(
-    ("gradient", "leans", "too_low"),
-    [(0.015, 0.4, True), (0.015, 0.6, False), (0.003, 0.0, False)],
-)
-def test_wind_pushes_the_body_and_not_the_road(gradient: float, leans: float, too_low: bool) -> None:
-    """Of a soft body; a stiff one does not tell."""
+@pytest.mark.parametrize("leans", [0.0, 0.4, 1.0])
+def test_a_wind_may_lean_a_soft_body_as_it_likes(leans: float) -> None:
+    """As its tyres do, or as a push at the C.G.'s height does: simulators draw either (decision 0045)."""
     one = drive({}, CITY_V, CITY_STEER)
     fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
-    fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], fit.x[INDEX["side_wind.leans"]] = gradient, leans
-    assert is_implausible(one, rows_of(one), fit, "side_wind") == too_low
+    fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], fit.x[INDEX["side_wind.leans"]] = 0.015, leans
+    assert not is_implausible(one, rows_of(one), fit, "side_wind")
 
 
 @pytest.mark.parametrize(("share", "is_steered"), [(0.5, False), (0.7, True), (-0.5, False), (-0.7, True)])
