@@ -125,20 +125,23 @@ def test_a_push_that_only_the_accelerometer_shows_is_no_wind_where_nothing_feels
     assert not is_implausible(one, rows, told, "side_wind")
 
 
-def test_what_an_accelerometer_shows_by_itself_is_no_hill() -> None:
+@pytest.mark.parametrize(("channel", "road"), [(ALONG, "road_grade"), (ACROSS, "road_bank")])
+def test_what_an_accelerometer_shows_by_itself_is_no_road(channel: int, road: str) -> None:
     """Its offset jumps while the car stands: a road's corrections follow, of which its gyro feels nothing."""
 
     def change(one: Drive) -> None:
-        one.measured[:, ALONG] += 0.2 / (1.0 + np.exp(-4.0 * (T - 38.0)))
+        one.measured[:, channel] += 0.2 / (1.0 + np.exp(-4.0 * (T - 38.0)))
 
     one = drive({}, CITY_V * np.clip(1.0 - (T - 20.0) / 8.0, 0.0, 1.0), CITY_STEER * (T < 20.0), change=change)
     rows = rows_of(one)
     before = fitted(one, rows, nothing(), (), TOLERANCE)
-    hill = fitted(one, rows, before.x, ("road_grade",), TOLERANCE)
+    tilted = fitted(one, rows, before.x, (road,), TOLERANCE)
     # It would gain much, of blocks that it has not seen, too.
-    assert np.std(hill.left[rows.used[:, ALONG], ALONG]) < 0.5 * np.std(before.left[rows.used[:, ALONG], ALONG])
-    assert is_implausible(one, rows, hill, "road_grade")
-    assert "road_grade" not in found(one).best.effects
+    assert np.std(tilted.left[rows.used[:, channel], channel]) < 0.5 * np.std(
+        before.left[rows.used[:, channel], channel]
+    )
+    assert is_implausible(one, rows, tilted, road)
+    assert road not in found(one).best.effects
 
 
 def test_a_hill_is_one_that_its_gyro_feels() -> None:
