@@ -134,7 +134,7 @@ def searched(
         before, gained_before, new = best, dict(gains), tried[0].effect
         grown = Grown(drive, rows, tolerance, best, tried[0].fit, each)
         if (settled := grown.settled()) is not None:
-            best = settled
+            best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
             continue
         rivals |= _rivals(best, tried, _rank(drive, best, tried))
         elsewhere |= {
@@ -151,6 +151,23 @@ def searched(
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     return _kept(Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, each)
+
+
+def _without_its_twin(
+    drive: Drive,
+    before: Fit,
+    settled: Fit,
+    gains: dict[str, float],
+    rivals: dict[str, tuple[Step, ...]],
+    elsewhere: dict[str, dict[str, float]],
+) -> Fit:
+    """The settled model; of two that came at once the one that stays has gained what both did. Writes what it gains."""
+    for effect in settled.effects:
+        if effect not in gains:
+            gains[effect] = gained(drive, before, settled)
+            rivals[effect] = (Step(effect, gains[effect], settled),)
+            elsewhere[effect] = {}
+    return settled
 
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:

@@ -11,10 +11,12 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import smaller as smaller_module
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import all_hands, rows_of
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.search import Step, searched
 from dsz_daemon.diagnose.smaller import Grown, asked_of, without_trifles
 from dsz_daemon.diagnose.unlisted import Found, as_effect
 
@@ -219,3 +221,25 @@ def test_what_came_before_a_limit_of_grip_may_be_its_curve_as_well(monkeypatch: 
     for gain, effects in ((51.0, both.effects), (49.0, ("tyre_saturation",))):
         gains = {"steering_ratio": gain, "tyre_saturation": 1000.0}
         assert without_trifles(one, rows, both, TOLERANCE, gains, map).effects == effects
+
+
+def test_of_two_that_came_at_once_the_one_that_a_road_leaves_is_told_with_what_it_gains(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A slip and a magnet put a channel right together; beside a hill the slip does alone, and had no gain yet."""
+    one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    both = fitted(one, rows, nothing(), ("gyro_scale", "accel_scale"), TOLERANCE)
+    alone = fitted(one, rows, nothing(), ("gyro_scale",), TOLERANCE)
+    pairs, settled = [[Step("accel_scale", 100.0, both)]], [alone]
+    monkeypatch.setattr(search_module, "starts_of", lambda *_: [])
+    monkeypatch.setattr(search_module, "likeliest_shape", lambda *_, **__: None)
+    monkeypatch.setattr(search_module, "_two_at_once", lambda *_: pairs.pop() if pairs else [])
+    monkeypatch.setattr(smaller_module.Grown, "settled", lambda _: settled.pop() if settled else None)
+    found = searched(one, rows, TOLERANCE)
+    assert found.best.effects == ("gyro_scale",)
+    gain = gained(one, found.nominal, alone)
+    assert gain > 100.0
+    assert found.gains == {"gyro_scale": pytest.approx(gain)}
+    assert [(step.effect, step.gain) for step in found.rivals["gyro_scale"]] == [("gyro_scale", pytest.approx(gain))]
+    assert [cause.effect for cause in answered(found).causes] == ["gyro_scale"]
