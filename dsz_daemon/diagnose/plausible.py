@@ -42,9 +42,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether an effect is what it can't be, or a told parameter at the end of what is plausible: something else is."""
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
-    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_an_axle(drive, fit)):
-        return True
-    if effect == "side_wind" and _is_a_bank_unfelt(drive, fit):
+    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_an_axle(drive, fit) or _is_a_bank_unfelt(drive, fit)):
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
