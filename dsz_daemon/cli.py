@@ -103,8 +103,10 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def _diagnose(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.edge import small_arrays
     from dsz_daemon.runs import screen
 
+    small_arrays.before_imports()
     try:
         from dsz_daemon.runs.diagnose import Beside, diagnose, words
     except ModuleNotFoundError as error:
@@ -120,6 +122,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
 
 
 def _prove(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.edge import small_arrays
+
+    small_arrays.before_imports()
     from dsz_daemon.prove.page import results_lines, write_page
     from dsz_daemon.prove.prove import prove
     from dsz_daemon.runs import screen

@@ -43,6 +43,8 @@ STILL_MPS = 0.05
 FORM = 0.003
 _STEEPEST = 1e9
 WHEEL_FORM = 0.0004
+# Of fewer rows nothing is said.
+_FEWEST_ROWS = 10
 # m/s^2: no accelerometer is so still.
 _STILL_MPS2, _UPRIGHT, _AT_LIMIT, _OF_GRAVITY = 1e-5, 5, 0.05, 0.95
 # Straight ahead, braking and speeding up, bends, hard bends; and how much of a kind is worth holding out.
@@ -204,13 +206,23 @@ def _with_own_offsets(rows: Rows, values: Floats) -> Floats:
 
 def robust_std(rows: Rows, left: Floats, floor: Floats) -> Floats:
     """Each channel's scatter (13,): the larger of the robust deviation and the sensor's own floor."""
-    found = np.ones(len(CHANNELS))
-    for c in range(len(CHANNELS)):
-        mine = left[rows.used[:, c], c]
-        if len(mine) > 10:
-            found[c] = max(1.4826 * float(np.median(np.abs(mine))), 0.3 * float(np.sqrt(np.mean(mine**2))), 1e-9)
-        if np.isfinite(floor[c]):
-            found[c] = max(found[c], float(floor[c]))
+    return _robust_std(left, rows.used, floor)
+
+
+@compiled
+def _robust_std(left: Floats, used: Bools, floor: Floats) -> Floats:
+    found, mine = np.ones(left.shape[1]), np.empty(len(left))
+    for c in range(left.shape[1]):
+        count, power = 0, 0.0
+        for k in range(len(left)):
+            if used[k, c]:
+                mine[count] = abs(left[k, c])
+                power += left[k, c] ** 2
+                count += 1
+        if count > _FEWEST_ROWS:
+            found[c] = max(1.4826 * np.median(mine[:count]), 0.3 * math.sqrt(power / count), 1e-9)
+        if math.isfinite(floor[c]):
+            found[c] = max(found[c], floor[c])
     return found
 
 
@@ -254,12 +266,14 @@ def sensitivities(
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
 
-    def secant(i: int) -> Floats:
+    found = np.zeros((*rows.used.shape, len(columns)))
+
+    def take(at: int) -> None:
+        i = columns[at]
         # A wind that is felt anew is another one for an offset, too.
         if i < len(OFFSETS) and not (felt is not None and felt.changes_with("")):
-            only = np.zeros(rows.used.shape)
-            only[:, i] = rows.used[:, i]
-            return only
+            found[:, i, at] = rows.used[:, i]
+            return
         effect, parameter = drive.vocabulary.columns[i]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
         # Close to the value: an effect that is there already is not stepped over.
@@ -273,23 +287,21 @@ def sensitivities(
             there = shown(drive, moved, moving)
         else:
             there = predicted(drive, moved, road, None if ROLL & {effect, parameter.name} else moving.rolling)
-        per_step: Floats = _per_step(there, base, rows.at, rows.used, step)
-        return per_step
+        _per_step(there, base, rows.at, rows.used, step, found, at)
 
-    found = np.array(list(each(secant, columns))).reshape(len(columns), *rows.used.shape)
-    return _with_own_offsets(rows, np.ascontiguousarray(np.moveaxis(found, 0, 2)))
+    for _ in each(take, range(len(columns))):
+        pass
+    return _with_own_offsets(rows, found)
 
 
 @compiled
-def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float) -> Floats:
-    """How much more there is (k, 13) in the rows that count, over the step.
+def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float, found: Floats, column: int) -> None:
+    """Writes how much more there is (k, 13) in the rows that count, over the step, as one column of `found`.
 
     Beside a car that is about to spin a step further is anything; nothing is learnt from that.
     """
-    found = np.zeros(used.shape)
     for k in range(len(at)):
         for c in range(used.shape[1]):
             slope = (there[at[k], c] - base[at[k], c]) / step
             if used[k, c] and math.isfinite(slope):
-                found[k, c] = min(max(slope, -_STEEPEST), _STEEPEST)
-    return found
+                found[k, c, column] = min(max(slope, -_STEEPEST), _STEEPEST)

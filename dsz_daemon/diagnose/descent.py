@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.comparison import Rows, residual
+from dsz_daemon.diagnose.comparison import Bools, Ints, Rows, residual
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, likelihood_of, scatter_of, solved, sums
 from dsz_daemon.diagnose.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
@@ -28,6 +28,7 @@ _ASKED = 4
 _RESTS = 0.05
 # Deviations; what is further off was something else.
 _FAR = 4.0
+_WRONG = 1e9
 _STILL, _LEVEL = 1e-9, np.zeros(0)
 
 
@@ -209,10 +210,21 @@ def loss_of(left: Floats, rows: Rows, scatter: Floats) -> float:
 
 def loss_of_rows(left: Floats, rows: Rows, scatter: Floats) -> Floats:
     """The same, row by row (k,)."""
-    # A car that has become unstable is infinitely wrong, and that is all that counts.
-    z = np.nan_to_num(np.minimum(np.abs(left / scatter[rows.block]), 1e9), nan=1e9)
-    each = np.where(z < _FAR, 0.5 * z * z, _FAR * (z - 0.5 * _FAR))
-    return np.asarray(np.sum(each, axis=1, where=rows.used))
+    return _loss_of_rows(left, rows.used, rows.block, scatter)
+
+
+@compiled
+def _loss_of_rows(left: Floats, used: Bools, block: Ints, scatter: Floats) -> Floats:
+    found = np.zeros(len(left))
+    for k in range(len(left)):
+        for c in range(left.shape[1]):
+            if used[k, c]:
+                # A car that has become unstable is infinitely wrong, and that is all that counts.
+                z = abs(left[k, c] / scatter[block[k], c])
+                if not z < _WRONG:
+                    z = _WRONG
+                found[k] += 0.5 * z * z if z < _FAR else _FAR * (z - 0.5 * _FAR)
+    return found
 
 
 def turned(slopes: Floats, change: Floats, step: Floats, sizes: Floats) -> Floats:

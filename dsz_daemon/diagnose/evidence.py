@@ -18,6 +18,8 @@ from dsz_daemon.diagnose.prediction import Floats
 LEAST_GAIN = 10.0
 # Of normal equations with ones on their diagonal: combinations that are told by less are not told.
 _TOLD_APART = 1e-10
+# Where no pivot is smaller than this, all combinations are told by far more than that.
+_WELL_APART = 1e-6
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
 _ROUNDING = 1e-6
@@ -134,17 +136,29 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     """The step (p,) of least squares inside the box."""
     a = squares + np.diag(box.weight)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
-    values, vectors = np.linalg.eigh(a * scale[:, np.newaxis] * scale)
-    values = np.maximum(values, _TOLD_APART * values[-1])
-    low, high = box.low / scale, box.high / scale
-    free = (vectors / values) @ (vectors.T @ (cross * scale))
+    a = a * scale[:, np.newaxis] * scale
+    low, high, pull = box.low / scale, box.high / scale, cross * scale
+    # Most are told apart well, and stay in their box: that costs a tenth of the eigenvalues.
+    free = np.linalg.solve(a, pull) if _is_told_apart(a) else None
+    if free is None or not ((low <= free) & (free <= high)).all():
+        values, vectors = np.linalg.eigh(a)
+        values = np.maximum(values, _TOLD_APART * values[-1])
+        free = (vectors / values) @ (vectors.T @ pull)
     if ((low <= free) & (free <= high)).all():
         return np.asarray(free * scale, dtype=np.float64)
     root = (vectors * np.sqrt(values)).T
-    goal = (vectors / np.sqrt(values)).T @ (cross * scale)
+    goal = (vectors / np.sqrt(values)).T @ pull
     # A box without room holds its parameter.
     high = np.maximum(high, low + 1e-12)
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
+
+
+def _is_told_apart(a: Floats) -> bool:
+    """Whether normal equations with ones on their diagonal are far from leaving a combination open."""
+    try:
+        return bool(np.min(np.diag(np.linalg.cholesky(a))) ** 2 > _WELL_APART)
+    except np.linalg.LinAlgError:
+        return False
 
 
 def inverse(squares: Floats) -> Floats:
@@ -172,18 +186,15 @@ def inverse_of_told(squares: Floats, weight: Floats) -> tuple[Floats, Floats]:
 
 def held_out(found: Sums, columns: Sequence[int], box: Box) -> Floats:
     """Sum of squares (b, c) of each block, of a fit of `columns` that has not seen it, and every FOLDS-th other."""
-    chosen = list(columns)
+    chosen = np.array(columns, dtype=np.int64)
     part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
-    squares = found.squares[:, :, chosen][:, :, :, chosen]
-    cross = found.cross[:, :, chosen]
-    fold = np.arange(len(found.left)) % FOLDS
+    fold = np.arange(len(found.left), dtype=np.int64) % FOLDS
+    squares, cross = _by_kind(found.squares, found.cross, chosen, fold, np.ones(found.left.shape[1]))
     result = np.zeros_like(found.left)
-    for k in np.unique(fold):
-        seen, unseen = fold != k, fold == k
-        step = solved(squares[seen].sum(axis=(0, 1)), cross[seen].sum(axis=(0, 1)), part)
-        result[unseen] = (
-            found.left[unseen] - 2.0 * cross[unseen] @ step + np.einsum("bcij,i,j->bc", squares[unseen], step, step)
-        )
+    for k in range(len(squares)):
+        seen = np.arange(len(squares)) != k
+        step = solved(squares[seen].sum(axis=0), cross[seen].sum(axis=0), part)
+        _leave(found.left, found.squares, found.cross, chosen, step, fold == k, result)
     return result
 
 
@@ -193,32 +204,93 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
     Calm driving leaves open what a hard bend will show: an error that large has to be expected (by the spread of the
     parameters, sandwich) and speaks against nothing; only what is beyond it is counted. `per_row` as below.
     """
-    chosen = list(columns)
+    chosen = np.array(columns, dtype=np.int64)
     part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
-    squares = found.squares[:, :, chosen][:, :, :, chosen]
-    cross = found.cross[:, :, chosen]
-
-    def left_by(step: Floats, at: Bools) -> Floats:
-        bent = np.einsum("bcij,i,j->bc", squares[at], step, step)
-        return np.asarray(found.left[at] - 2.0 * cross[at] @ step + bent)
-
-    whole = solved(squares.sum(axis=(0, 1)), cross.sum(axis=(0, 1)), part)
+    there, kind = np.unique(kind, return_inverse=True)
     power = found.left.sum(axis=0) / np.maximum(found.counts.sum(axis=0), 1.0)
+    squares, cross = _by_kind(found.squares, found.cross, chosen, kind, np.ones(len(power)))
+    lasting = _by_kind(found.squares, found.cross, chosen, kind, power * per_row)[0]
+    whole = solved(squares.sum(axis=0), cross.sum(axis=0), part)
+    best, by_others = np.zeros_like(found.left), np.zeros_like(found.left)
+    _leave(found.left, found.squares, found.cross, chosen, whole, kind >= 0, best)
     result = np.zeros_like(found.left)
-    for k in np.unique(kind):
-        seen, unseen = kind != k, kind == k
-        own = squares[seen].sum(axis=(0, 1))
-        step = solved(own, cross[seen].sum(axis=(0, 1)), part)
+    for k in range(len(there)):
+        seen, unseen = np.arange(len(there)) != k, kind == k
+        own = squares[seen].sum(axis=0)
+        step = solved(own, cross[seen].sum(axis=0), part)
         bread = inverse(own + np.diag(np.maximum(part.weight, 1e-12)))
-        pulls = cross[seen].sum(axis=1) - squares[seen].sum(axis=1) @ step
-        meats = (np.einsum("bcij,c->ij", squares[seen], power * per_row), pulls.T @ pulls)
-        there = squares[unseen].sum(axis=0)
-        expected = np.max([np.einsum("cij,ji->c", there, bread @ meat @ bread) for meat in meats], axis=0)
-        best, by_others = left_by(whole, unseen), left_by(step, unseen)
-        more = (by_others - best).sum(axis=0)
+        pulls = _pulls(found.squares, found.cross, chosen, step)[~unseen]
+        meats = (lasting[seen].sum(axis=0), pulls.T @ pulls)
+        expected = np.max([_traces(found.squares, chosen, bread @ meat @ bread, unseen) for meat in meats], axis=0)
+        _leave(found.left, found.squares, found.cross, chosen, step, unseen, by_others)
+        more = (by_others - best)[unseen].sum(axis=0)
         share = np.where(more > 0.0, np.maximum(1.0 - _LEFT_OPEN * expected / np.maximum(more, 1e-30), 0.0), 1.0)
-        result[unseen] = best + share * (by_others - best)
+        result[unseen] = best[unseen] + share * (by_others - best)[unseen]
     return result
+
+
+@compiled
+def _by_kind(squares: Floats, cross: Floats, chosen: Ints, kind: Ints, weight: Floats) -> tuple[Floats, Floats]:
+    """The sums (kinds, p, p) and (kinds, p) of the chosen columns over all channels, each with its weight (c,)."""
+    p, kinds = len(chosen), int(kind.max()) + 1
+    there, pulls = np.zeros((kinds, p, p)), np.zeros((kinds, p))
+    for b in range(squares.shape[0]):
+        for c in range(squares.shape[1]):
+            for i in range(p):
+                pulls[kind[b], i] += weight[c] * cross[b, c, chosen[i]]
+                for j in range(i + 1):
+                    there[kind[b], i, j] += weight[c] * squares[b, c, chosen[i], chosen[j]]
+    for k in range(kinds):
+        for i in range(p):
+            for j in range(i):
+                there[k, j, i] = there[k, i, j]
+    return there, pulls
+
+
+@compiled
+def _leave(
+    left: Floats, squares: Floats, cross: Floats, chosen: Ints, step: Floats, asked: Bools, result: Floats
+) -> None:
+    """Writes the sums of squares (b, c) that a step (p,) of the chosen columns leaves in the blocks `asked` for."""
+    for b in range(left.shape[0]):
+        if not asked[b]:
+            continue
+        for c in range(left.shape[1]):
+            power = left[b, c]
+            for i in range(len(chosen)):
+                along = -2.0 * cross[b, c, chosen[i]]
+                for j in range(len(chosen)):
+                    along += squares[b, c, chosen[i], chosen[j]] * step[j]
+                power += along * step[i]
+            result[b, c] = power
+
+
+@compiled
+def _pulls(squares: Floats, cross: Floats, chosen: Ints, step: Floats) -> Floats:
+    """How each block still pulls (b, p) at the chosen columns after a step."""
+    found = np.zeros((squares.shape[0], len(chosen)))
+    for b in range(squares.shape[0]):
+        for c in range(squares.shape[1]):
+            for i in range(len(chosen)):
+                pull = cross[b, c, chosen[i]]
+                for j in range(len(chosen)):
+                    pull -= squares[b, c, chosen[i], chosen[j]] * step[j]
+                found[b, i] += pull
+    return found
+
+
+@compiled
+def _traces(squares: Floats, chosen: Ints, covariance: Floats, asked: Bools) -> Floats:
+    """The sum of squares (c,) that parameters with this covariance are expected to leave in the blocks `asked` for."""
+    found = np.zeros(squares.shape[1])
+    for b in range(squares.shape[0]):
+        if not asked[b]:
+            continue
+        for c in range(squares.shape[1]):
+            for i in range(len(chosen)):
+                for j in range(len(chosen)):
+                    found[c] += squares[b, c, chosen[i], chosen[j]] * covariance[j, i]
+    return found
 
 
 def gain(

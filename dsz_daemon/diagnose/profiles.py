@@ -291,8 +291,14 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], 
         left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects, _ROUGHLY)(there))[:, _YAW]
         return float(np.nanvar(left[rolling]))
 
-    left = np.array(list(each(left_at, _AHEAD_M)))
-    if not np.isfinite(left).all():
+    # Every other place first, then those beside the best of these: the best of all, too, has one on each side.
+    left = np.full(len(_AHEAD_M), math.inf)
+    first = [*range(1, len(_AHEAD_M), 2)]
+    left[first] = list(each(left_at, _AHEAD_M[first]))
+    best = int(np.argmin(left))
+    beside = [best - 1, best + 1]
+    left[beside] = list(each(left_at, _AHEAD_M[beside]))
+    if not np.isfinite(left[[*first, *beside]]).all():
         return 0.0
     best = min(max(int(np.argmin(left)), 1), len(_AHEAD_M) - 2)
     curve, slope, _ = np.polyfit(_AHEAD_M[best - 1 : best + 2], left[best - 1 : best + 2], 2)

@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+from dsz_daemon.edge.small_arrays import collect_seldom
 from dsz_daemon.errors import DszError
 from dsz_daemon.runs.diagnose import diagnose
 from dsz_daemon.runs.results import output_folder
@@ -28,6 +29,7 @@ def answer(recording: Path, folder: Path) -> None:
 
 def main() -> None:
     """Answers until nothing more is asked."""
+    collect_seldom()
     for line in sys.stdin:
         recording, folder = (Path(part) for part in line.rstrip("\n").split("\t"))
         begun = time.monotonic()

@@ -13,10 +13,10 @@ from dsz_daemon.diagnose import diagnose as diagnosed
 from dsz_daemon.diagnose.answer import columns_of_fit
 from dsz_daemon.diagnose.level import UNEXPLAINED
 from dsz_daemon.diagnose.recording import Floats
-from dsz_daemon.edge.freed_memory import keep_freed_memory
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
 from dsz_daemon.edge.samples_file import write_columns
+from dsz_daemon.edge.small_arrays import keep_freed_memory
 from dsz_daemon.errors import InputError, MachineError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
