@@ -312,8 +312,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
     lever = x[_LEVER]
     lever[0] += ahead_m
-    turn_x, turn_y, turn_z = x[_TURN].tolist()
-    turn = np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
+    turn = _turned(x)
     reads: Floats = felt(
         moving.moved,
         moving.v_mps,
@@ -322,14 +321,25 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         moving.road.grade_rad,
         lever,
         x[_BODY],
-        (_ONES + x[_RATES_OF_RATES]) @ turn,
-        x[_RATES_OF_FORCES] @ turn,
+        *gyros_of(x),
         (_ONES + x[_FORCES_OF_FORCES]) @ turn,
         DT_S,
     )
     reads = smoothed(reads, x)
     add_offsets(reads, x[_OFFSETS], x[_DRIFTS], DT_S)
     return reads
+
+
+def _turned(x: Floats) -> Floats:
+    """What the sensors' axes (3, 3) see of the car's."""
+    turn_x, turn_y, turn_z = x[_TURN].tolist()
+    return np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
+
+
+def gyros_of(x: Floats) -> tuple[Floats, Floats]:
+    """What the gyros show of the car's rates, and of the forces that the IMU feels (3, 3)."""
+    turn = _turned(x)
+    return (_ONES + x[_RATES_OF_RATES]) @ turn, x[_RATES_OF_FORCES] @ turn
 
 
 def smoothed(reads: Floats, x: Floats) -> Floats:

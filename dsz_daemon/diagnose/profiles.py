@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.prediction import (
     Profiles,
     correction,
     flat,
+    gyros_of,
     of_roll,
     predicted,
     rolls_of,
@@ -48,6 +49,8 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
+_TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
+_BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
 _WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
 _AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
 # Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
@@ -140,6 +143,8 @@ class Felt:
             return road
         alone = x.copy()
         alone[: len(OFFSETS)] = self._start[: len(OFFSETS)]
+        # What gravity does to a gyro is the same all the way, as an offset is, and tilts no road either.
+        alone[_TILT_GYROS] -= motion.G * (x[_BY_GRAVITY] - self._start[_BY_GRAVITY])
         for name in _TILTS:
             first = INDEX[f"{name}.knot_0"]
             alone[first : first + KNOTS] = 0.0
@@ -153,7 +158,7 @@ class Felt:
         return set(_TILTS) <= set(self._effects)
 
     def _turning(self, road: Profiles, alone: Floats) -> Floats:
-        """What turns the car, rad/s (n, 3): what the roll and pitch gyros have left over on a level road, and its yaw.
+        """What the roll and pitch gyros have left over on a level road, rad/s, and what the car turns and rolls (n, 4).
 
         Kept for the next call, of this or a copy, which may differ in corrections only.
         """
@@ -161,10 +166,11 @@ class Felt:
         if self._turned is None or self._turned[0] != key:
             level = flat(len(self._drive.steer))
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
-            shown = predicted(self._drive, alone, level, self._rolls(level, alone))
+            rolls = self._rolls(level, alone)
+            shown = predicted(self._drive, alone, level, rolls)
             left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2])
-            yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]])
-            self._turned = key, np.column_stack([left, yaw])
+            yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]]) / gyros_of(alone)[0][2, 2]
+            self._turned = key, np.column_stack([left, yaw, rolls.v_mps])
         return self._turned[1]
 
     def _rolls(self, level: Profiles, x: Floats) -> Rolling:
@@ -187,13 +193,12 @@ def _with_tilt(
 ) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down.
 
-    `turning`: p, q, r (n, 3). `corrections` (n,) or (1,), rad, are what knots add to bank and slope after this: so much
-    more turns into the other angle.
+    `turning`: what the gyros show of p and q, r, and speed (n, 4). `corrections` (n,) or (1,), rad, are what knots add
+    to bank and slope after this: so much more turns into the other angle.
     """
     leans, n = leans_too(x, road.lean_share), len(turning)
-    more = [np.broadcast_to(lean * added, n) for lean, added in zip(leans, corrections, strict=True)]
-    p, q, yaw = (np.ascontiguousarray(turning[:, i]) for i in range(3))
-    tilts = _integrated(p, q, yaw, np.ascontiguousarray(more[0]), np.ascontiguousarray(more[1]), banks, climbs)
+    more = [np.ascontiguousarray(np.broadcast_to(lean * c, n)) for lean, c in zip(leans, corrections, strict=True)]
+    tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *gyros_of(x), banks, climbs)
     bank, slope = (
         filtered(_in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
         for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
@@ -309,14 +314,36 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], 
 
 @compiled
 def _integrated(
-    p: Floats, q: Floats, r: Floats, more_bank: Floats, more_slope: Floats, banks: bool, climbs: bool
+    turning: Floats,
+    more_bank: Floats,
+    more_slope: Floats,
+    of_rates: Floats,
+    of_forces: Floats,
+    banks: bool,
+    climbs: bool,
 ) -> tuple[Floats, Floats]:
-    bank, slope = np.zeros(len(p)), np.zeros(len(p))
-    for i in range(1, len(p)):
+    """Bank and slope (n,) of what the gyros show: what they show of others' rates and of forces is taken off.
+
+    Forces are what the tilt itself makes: gravity along the road, and what the car rises by, a_z = g - q v.
+    """
+    bank, slope = np.zeros(len(turning)), np.zeros(len(turning))
+    for i in range(1, len(turning)):
+        yaw, v = turning[i, 2], turning[i, 3]
+        bank_too, slope_too = bank[i - 1] + more_bank[i - 1], slope[i - 1] + more_slope[i - 1]
+        ahead, aside = -motion.G * slope_too, motion.G * bank_too
+        shown_p = 0.5 * (turning[i, 0] + turning[i - 1, 0]) - of_forces[0, 0] * ahead - of_forces[0, 1] * aside
+        shown_q = 0.5 * (turning[i, 1] + turning[i - 1, 1]) - of_forces[1, 0] * ahead - of_forces[1, 1] * aside
+        p_of_p, p_of_q = of_rates[0, 0], of_rates[0, 1] - of_forces[0, 2] * v
+        q_of_p, q_of_q = of_rates[1, 0], of_rates[1, 1] - of_forces[1, 2] * v
+        if banks and climbs:
+            both = p_of_p * q_of_q - p_of_q * q_of_p
+            p, q = (q_of_q * shown_p - p_of_q * shown_q) / both, (p_of_p * shown_q - q_of_p * shown_p) / both
+        else:
+            # What turns about the axis of the other tilt turns with the car.
+            p = (shown_p - p_of_q * yaw * bank_too) / p_of_p
+            q = (shown_q + q_of_p * yaw * slope_too) / q_of_q
         if banks:
-            leans = slope[i - 1] + more_slope[i - 1]
-            bank[i] = bank[i - 1] + DT_S * (0.5 * (p[i] + p[i - 1]) + r[i] * leans)
+            bank[i] = bank[i - 1] + DT_S * (p + yaw * slope_too)
         if climbs:
-            leans = bank[i - 1] + more_bank[i - 1]
-            slope[i] = slope[i - 1] + DT_S * (0.5 * (q[i] + q[i - 1]) - r[i] * leans)
+            slope[i] = slope[i - 1] + DT_S * (q - yaw * bank_too)
     return bank, slope

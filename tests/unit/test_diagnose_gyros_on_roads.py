@@ -1,0 +1,75 @@
+"""diagnose: gyros that show too much, others' axes, or gravity feel another road: what they show of it is taken off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
+
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.profiles import Felt
+
+STEER = 0.03 + 0.5 * CITY_STEER
+# Waves that knots could follow, and such that they could not.
+LONG = {"road_bank": 0.04 * np.sin(2.0 * np.pi * T / 23.0), "road_grade": 0.05 * np.sin(2.0 * np.pi * T / 17.0)}
+SHORT = {"road_bank": 0.03 * np.sin(2.0 * np.pi * T / 5.0), "road_grade": 0.03 * np.sin(2.0 * np.pi * T / 4.0)}
+
+
+def tilted(
+    parameters: dict[str, float], roads: tuple[str, ...], waves: dict[str, np.ndarray] = LONG
+) -> tuple[Drive, np.ndarray]:
+    """A drive without noise on such roads, by such gyros, and the parameters."""
+    level = drive({}, CITY_V, STEER)
+    x = nothing()
+    for name, value in parameters.items():
+        x[INDEX[name]] = value
+    road = flat(N)._replace(
+        bank_rad=waves["road_bank"] if "road_bank" in roads else np.zeros(N),
+        grade_rad=waves["road_grade"] if "road_grade" in roads else np.zeros(N),
+    )
+    return level._replace(measured=predicted(level, x, road)), x
+
+
+@pytest.mark.parametrize("roads", [("road_grade",), ("road_bank",), ("road_bank", "road_grade")])
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"gyro_scale.x": 0.2, "gyro_scale.y": 0.2},
+        {"gyro_scale.z": 0.2},
+        {"gyro_cross_axis.xy": 0.3, "gyro_cross_axis.yx": -0.3},
+        {"gyro_g_sensitivity.xx": 5e-3, "gyro_g_sensitivity.yx": 5e-3},
+        {"gyro_g_sensitivity.xy": 5e-3, "gyro_g_sensitivity.yy": 5e-3},
+        {"gyro_g_sensitivity.xz": 5e-3, "gyro_g_sensitivity.yz": 5e-3},
+    ],
+)
+def test_of_gyros_as_they_are_the_road_is_felt_as_it_is(parameters: dict[str, float], roads: tuple[str, ...]) -> None:
+    one, x = tilted(parameters, roads)
+    road = Felt(one, x, roads)(x)
+    for name, found in (("road_bank", road.bank_rad), ("road_grade", road.grade_rad)):
+        if name in roads:
+            assert np.std(found - LONG[name]) < 0.0025
+
+
+def test_what_gravity_does_to_a_gyro_tilts_no_road() -> None:
+    """It is the same all the way, as an offset is: 0.003 (rad/s)/(m/s2) would be 4 rad in 150 s."""
+    one, _ = tilted({}, ("road_grade",))
+    x = nothing()
+    felt = Felt(one, x, ("road_grade",))
+    x[INDEX["gyro_g_sensitivity.yz"]] = 1e-5
+    assert np.ptp(felt(x).grade_rad - felt(nothing()).grade_rad) < 1e-3 * np.ptp(LONG["road_grade"])
+
+
+@pytest.mark.parametrize("road", ["road_grade", "road_bank"])
+def test_a_gyros_scale_is_told_beside_the_road_that_it_feels(road: str) -> None:
+    """By the accelerometer, which shows how far the road tilts."""
+    axis = "y" if road == "road_grade" else "x"
+    one, x = tilted({"gyro_scale.x": 0.05, "gyro_scale.y": 0.05, "gyro_scale.z": 0.05}, (road,), SHORT)
+    noise = drive({}, CITY_V, STEER).measured - predicted(one, nothing(), flat(N))
+    one = one._replace(measured=one.measured + noise)
+    fit = fitted(one, rows_of(one), nothing(), (road, "gyro_scale"), TOLERANCE)
+    at = INDEX[f"gyro_scale.{axis}"]
+    assert fit.x[at] == pytest.approx(x[at], abs=0.01)
+    assert fit.std[fit.columns.index(at)] < 0.01
