@@ -206,9 +206,9 @@ EFFECTS: tuple[Effect, ...] = (
         (
             Parameter("slip_per_force", "1", 0.03, 0.0, 0.5, 0.004),
             Parameter("front_brakes_more", "1", 0.2, -0.8, 0.8, math.inf),
-            # Of what tyres that roll, and the air, take of a usual car.
             Parameter("resistance", "1", 0.5, 0.0, 2.0, math.inf),
             Parameter("spun_share", "1", 0.01, 0.0, 0.035, math.inf),
+            Parameter("front_drives_more", "1", 0.2, -0.8, 0.8, math.inf),
         ),
     ),
     Effect(

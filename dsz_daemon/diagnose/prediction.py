@@ -58,7 +58,7 @@ _FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.de
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS = _places("bias_drift", " ".join(IMU_CHANNELS))
 _ONES = np.eye(3)
-_SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share")
+_SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share", "front_drives_more")
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05

@@ -44,13 +44,15 @@ class Rolling(NamedTuple):
 class Slip(NamedTuple):
     """Slip over the force along (over load), how much more the front brakes, resistance in parts of the usual one.
 
-    `spun_share`: of the car's mass, what wheels that nothing drives are as they are spun up by the road.
+    The usual one is of tyres that roll, and the air. `spun_share`: of the car's mass, what wheels that nothing drives
+    are as they are spun up by the road. `front_drives_more` than its load, where both axles are driven.
     """
 
     per_force: float
     front_brakes_more: float
     resistance: float
     spun_share: float
+    front_drives_more: float = 0.0
 
 
 class _Shares(NamedTuple):
@@ -83,7 +85,7 @@ def rolling(
     `ellipse` (n,): 1/friction^2, of which drive and brakes take their part. `aside`: by how much the front wheels seem
     turned over the speed's rate, as the car is driven and as it is braked, rad/(m/s^2).
     """
-    v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share)
+    v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share, slip.front_drives_more)
     if by_front:
         v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps)
     front_slip, rear_slip, before = np.zeros(len(v)), np.zeros(len(v)), v
@@ -126,12 +128,12 @@ def rate_of(values: Floats, dt_s: float) -> Floats:
     return found
 
 
-def _shares(car: Car, front_brakes_more: float, spun_share: float = 0.0) -> _Shares:
+def _shares(car: Car, front_brakes_more: float, spun_share: float = 0.0, front_drives_more: float = 0.0) -> _Shares:
     wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
     load = car.cg_to_rear_axle_m / wheelbase_m
     # What spins up the wheels of one axle is a force against the car there, and more to drive on the other.
     one = 1.0 + spun_share if car.front_driven else -spun_share
-    drive = load if car.front_driven and car.rear_driven else one
+    drive = load * (1.0 + front_drives_more) if car.front_driven and car.rear_driven else one
     return _Shares(drive, load * (1.0 + front_brakes_more), load)
 
 
