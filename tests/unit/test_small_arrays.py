@@ -41,7 +41,10 @@ def test_without_a_wish_it_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_collector_comes_seldom_and_not_at_the_end() -> None:
-    """In a process of its own: cycles are still collected, what is left at the end is not."""
+    """In a process of its own: cycles are still collected, what is left at the end is not.
+
+    By its version, Python itself begins with 700 or 2000 new objects.
+    """
     told = """
 import gc, weakref
 from dsz_daemon.edge.small_arrays import collect_seldom
@@ -52,7 +55,7 @@ class Knot:
 
 before = gc.get_threshold()
 collect_seldom()
-assert gc.get_threshold()[0] > 50 * before[0] and gc.get_threshold()[1:] == before[1:]
+assert gc.get_threshold()[0] > 20 * before[0] and gc.get_threshold()[1:] == before[1:]
 knot = Knot()
 gone = weakref.ref(knot)
 del knot
