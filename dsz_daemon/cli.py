@@ -46,8 +46,11 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
+    from dsz_daemon.edge import imports
     from dsz_daemon.runs import screen
-    from dsz_daemon.runs.replay import replay
+
+    with imports.for_logs(arguments.logs):
+        from dsz_daemon.runs.replay import replay
 
     with screen.progress("replay", arguments.json) as progress:
         summary = replay(
@@ -107,8 +110,11 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     from dsz_daemon.runs import screen
 
     small_arrays.before_imports()
+    from dsz_daemon.edge import imports
+
     try:
-        from dsz_daemon.runs.diagnose import Beside, diagnose, words
+        with imports.for_logs(arguments.logs):
+            from dsz_daemon.runs.diagnose import Beside, diagnose, words
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("scipy"):
             raise

@@ -353,21 +353,25 @@ def _as_told(effect: str, values: Told, units: dict[str, str]) -> tuple[Told, di
 
 def parameter_errors(found: Search, each: Each) -> list[ParameterError]:
     """Configured parameters that fit better otherwise: by more than their spread, and on unseen data."""
-    beyond = [effect for effect in _BEYOND if effect in found.best.effects]
-    least = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
-    values = values_of(found.drive, found.best, "") if searching.tolerance_gain(found, each) >= least else {}
-    for effect in beyond:
+    values, beyond = values_of(found.drive, found.best, ""), set[str]()
+    for effect in set(_BEYOND) & set(found.best.effects):
         far = values_of(found.drive, found.best, effect)
         values |= {key: far[name] for key, name in _BEYOND[effect].items()}
-    errors = []
+        beyond |= set(_BEYOND[effect])
+    off = dict[str, tuple[float, float]]()
     for parameter in TOLERATED:
-        key = parameter.name
-        share, std = values.get(key, (0.0, 0.0))
-        least = _LEAST_STIFFNESS if "stiffness" in key else _LEAST_TOLERATED
+        share, std = values.get(parameter.name, (0.0, 0.0))
+        least = _LEAST_STIFFNESS if "stiffness" in parameter.name else _LEAST_TOLERATED
         if abs(share) > max(_TOLERATED_SPREADS * std, least):
-            car, ratio = found.drive.car, found.drive.steering_ratio
-            configured = ratio if key == "steering_ratio" else float(getattr(car, key))
-            errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
+            off[parameter.name] = share, std
+    # What is beyond its tolerance has earned its place already.
+    asked = max(LEAST_GAIN, _STIFFNESS_SHARE * sum(found.gains.values()))
+    if not set(off) <= beyond and searching.tolerance_gain(found, each) < asked:
+        off = {key: told for key, told in off.items() if key in beyond}
+    errors = []
+    for key, (share, std) in off.items():
+        configured = found.drive.steering_ratio if key == "steering_ratio" else float(getattr(found.drive.car, key))
+        errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
     return errors
 
 

@@ -39,7 +39,7 @@ _PROFILE_SHARES = 2.0
 _PAIRS = 3
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
-_HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, -30.0
+_HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
 # What a profile has lost after some rounds of its fit no further ones bring back.
 _LOST = -20.0
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.

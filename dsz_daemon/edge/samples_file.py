@@ -198,8 +198,16 @@ class SamplesWriter:
 def write_columns(columns: Mapping[str, np.ndarray[Any, np.dtype[Any]]], path: Path) -> None:
     """Writes columns of equal length as Parquet. MachineError: no pyarrow, or a disk that refuses."""
     arrow, parquet = _pyarrow("pyarrow"), _pyarrow("pyarrow.parquet")
+
+    def array(values: np.ndarray[Any, np.dtype[Any]]) -> Any:
+        if values.dtype != np.float64:
+            return arrow.array(values)
+        # As they lie in memory: asked what else they could be, pyarrow imports pandas where there is one.
+        buffers = [None, arrow.py_buffer(np.ascontiguousarray(values))]
+        return arrow.Array.from_buffers(arrow.float64(), len(values), buffers)
+
     with _disk_faults(path):
-        parquet.write_table(arrow.table(dict(columns)), path)
+        parquet.write_table(arrow.table({name: array(values) for name, values in columns.items()}), path)
 
 
 def read_samples(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
