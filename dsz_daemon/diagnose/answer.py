@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
+from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, on_road, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
@@ -257,6 +258,8 @@ def _values(found: Search, effect: str) -> Told:
         "side_wind": ("rms_n", profiles.side_n),
     }.get(effect)
     values: Told = dict(values_of(found.drive, found.best, effect))
+    if effect in BY_GRAVITY:
+        values = as_offsets_else(found.drive.vocabulary.described(effect).parameters, values)
     if effect == "wheel_radius" and _shares_a_factor(found):
         values = _apart(found, values)
     if "inverse_square" in values:

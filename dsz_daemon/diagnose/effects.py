@@ -347,9 +347,9 @@ TOLERATED = (
     *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
-# Cars are drawn with or without: a pull along steered wheels, wheels alike, load on tyres, sines, held inputs.
+# Drawn with or without: a pull along steered wheels, small turns, wheels alike, load on tyres, sines, held inputs.
 FORM = (
-    *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake")),
+    *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),

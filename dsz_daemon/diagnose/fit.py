@@ -32,6 +32,7 @@ from dsz_daemon.diagnose.evidence import (
     sums,
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
+from dsz_daemon.diagnose.mounts import MOUNT, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
@@ -78,6 +79,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of smaller road wheel angles a sine is the angle, to a thousandth or two.
 _LARGE_ANGLES, _LARGE_RAD = INDEX["large_angles"], 0.1
+_SMALL_TURNS = INDEX["small_turns"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -191,13 +193,15 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
     hidden |= {_LARGE_ANGLES} if float(np.max(np.abs(drive.steer))) < _LARGE_RAD else set()
+    hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
+    untold = untold_turns(drive) if MOUNT in effects else set[int]()
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if i in there or e not in few),
+        *(i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
@@ -299,6 +303,9 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     std = np.hypot(std, np.where(np.isfinite(least), share * least, 0.0))
     if TILTS & set(effects) and _ARM_UP in columns:
         std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], _ABOVE_THE_WAY_M)
+    for i, more in as_drawn_rad(x).items() if MOUNT in effects else ():
+        if i in columns:
+            std[columns.index(i)] = math.hypot(std[columns.index(i)], more)
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)

@@ -51,6 +51,7 @@ ROLL = frozenset(
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
+_SMALL_TURNS = INDEX["small_turns"]
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
 _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
 _RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
@@ -331,9 +332,10 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
 
 
 def _turned(x: Floats) -> Floats:
-    """What the sensors' axes (3, 3) see of the car's."""
+    """What the sensors' axes (3, 3) see of the car's: turned wholly (to second order), or by small angles."""
     turn_x, turn_y, turn_z = x[_TURN].tolist()
-    return np.array([[1.0, turn_z, -turn_y], [-turn_z, 1.0, turn_x], [turn_y, -turn_x, 1.0]])
+    turn = np.array([[0.0, turn_z, -turn_y], [-turn_z, 0.0, turn_x], [turn_y, -turn_x, 0.0]])
+    return np.asarray(_ONES + turn + 0.5 * (1.0 - x[_SMALL_TURNS]) * (turn @ turn))
 
 
 def gyros_of(x: Floats) -> tuple[Floats, Floats]:

@@ -87,9 +87,8 @@ def test_front_wheels_tell_the_speed_of_a_rear_driven_car() -> None:
 
 def test_a_turned_imu_reads_as_the_contract_has_it() -> None:
     """reading_x = fx + yaw fy - pitch fz, reading_y = fy - yaw fx + roll fz, reading_z = fz + pitch fx - roll fy."""
-    row = shown(
-        SPEEDING, imu_misalignment__roll_rad=0.01, imu_misalignment__pitch_rad=0.02, imu_misalignment__yaw_rad=0.03
-    )
+    turns = {f"imu_misalignment__{axis}_rad": angle for axis, angle in (("roll", 0.01), ("pitch", 0.02), ("yaw", 0.03))}
+    row = shown(SPEEDING, small_turns=1.0, **turns)
     assert row[1500, 3:6] == pytest.approx([2.0 - 0.02 * G, -0.03 * 2.0 + 0.01 * G, G + 0.02 * 2.0], rel=1e-6)
 
 
