@@ -13,7 +13,16 @@ from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, sca
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of, with_shapes
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
-from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY, LEAST_ROWS, Found, as_effect, best_shape, library, unit_of
+from dsz_daemon.diagnose.unlisted import (
+    CHOSEN_OF_MANY,
+    LEAST_ROWS,
+    Found,
+    as_effect,
+    best_shape,
+    is_named,
+    library,
+    unit_of,
+)
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So many are judged on blocks that they have not seen: those that take the most off what is left.
@@ -84,6 +93,8 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
             square[b], pull[b] = np.sum(mine[at] ** 2, axis=0), mine[at].T @ left[at]
             cross[b] = mine[at].T @ own[at]
         for k, name in enumerate(names):
+            if is_named(name, channel):
+                continue
             unit = f"({unit_of(c)})/({library_here[name][1]})"
             found.append(_Shape(c, name, unit, own_courses[:, k], square[:, k], cross[:, k], pull[:, k]))
     return found

@@ -28,8 +28,8 @@ _LEAST_LEVEL = 1.25
 LEAST_ROWS = 500
 # A wheel differs from what all of them have in common by so many of its spreads.
 _WHEEL_SPREADS = 3.0
-# The best of some ninety shapes and channels is so good by chance, and a parameter more has to be paid for.
-BY_CHANCE = math.log(90.0)
+# The best of some hundred shapes and channels is so good by chance, and a parameter more has to be paid for.
+BY_CHANCE = math.log(110.0)
 CHOSEN_OF_MANY = BY_CHANCE + 3.0
 
 
@@ -65,8 +65,9 @@ class Found(NamedTuple):
 def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
     """Products of the simulated motion (n,) with their units: what a sensor shows wrongly is not in them.
 
-    None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness).
-    How quickly the driver steers has none, but turns a car as an arm would show it.
+    None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness),
+    but for the steering on what does not follow it (`is_named`). How quickly the driver steers has none, but turns a
+    car as an arm would show it.
     """
     v, v_rate = moving.v_mps, filtered(moving.v_rate, filter_kernel())
     r, side = moving.moved[:, R], moving.moved[:, AY]
@@ -80,14 +81,23 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "ay^2": (side**2, "m2/s4"),
         "ay^3": (side**3, "m3/s6"),
         "|ay|": (np.abs(side), "m/s2"),
+        "ay*|ay|": (side * np.abs(side), "m2/s4"),
+        "vx*ay": (v * side, "m2/s3"),
         "ax*ay": (v_rate * side, "m2/s4"),
         "|r|": (np.abs(r), "rad/s"),
         "r^2": (r * r, "rad2/s2"),
+        "r*|r|": (r * np.abs(r), "rad2/s2"),
         "vx*ax": (v * v_rate, "m2/s3"),
         "|delta|": (np.abs(steer), "rad"),
+        "delta": (steer, "rad"),
         "delta'": (np.gradient(steer, DT_S), "rad/s"),
     }
     return shapes
+
+
+def is_named(shape: str, channel: str) -> bool:
+    """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's."""
+    return shape == "delta" and channel in {"gyro_z", "accel_y"}
 
 
 def is_shape(effect: str) -> bool:
@@ -135,6 +145,8 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
     before = _unseen([np.ones(len(left))], left, block) + coarse
     best: Found | None = None
     for name, (values, unit) in library(driven(drive, fit.x, fit.road), drive.steer).items():
+        if is_named(name, CHANNELS[c]):
+            continue
         mine = values[rows.at][used]
         columns = [np.ones(len(left)), mine]
         after = _unseen(columns, left, block) + coarse

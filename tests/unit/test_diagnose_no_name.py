@@ -14,7 +14,8 @@ from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.search import _shaped
 from dsz_daemon.diagnose.smaller import asked_of
-from dsz_daemon.diagnose.unlisted import best_shape, wheel_squares
+from dsz_daemon.diagnose.unlisted import best_shape, is_named, wheel_squares
+from dsz_daemon.signals import IMU_CHANNELS
 
 ALONG, ACROSS, YAW = 3, 4, 2
 # Of 0.04 sin 0.9 t + 0.02 sin 2.3 t.
@@ -40,6 +41,48 @@ def test_what_follows_the_steerings_rate_is_no_lever_arm(channel: int, off: floa
 def test_an_arm_stays_one() -> None:
     search = found(drive({"imu_lever_arm.x_m": 0.4, "imu_lever_arm.y_m": -0.3}, CITY_V, CITY_STEER))
     assert search.best.effects == ("imu_lever_arm",)
+
+
+COURSE = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))
+TURNS, SIDE = COURSE[:, YAW], COURSE[:, ACROSS]
+
+
+@pytest.mark.parametrize(
+    ("channel", "shape", "course", "k"),
+    [
+        ("gyro_x", "delta", CITY_STEER, 0.2),
+        ("gyro_y", "delta", CITY_STEER, -0.2),
+        ("accel_x", "delta", CITY_STEER, 2.0),
+        ("gyro_z", "vx*ay", CITY_V * SIDE, 2e-4),
+        ("gyro_z", "r*|r|", TURNS * np.abs(TURNS), 0.2),
+        ("accel_y", "r*|r|", TURNS * np.abs(TURNS), -3.0),
+        ("accel_y", "ay*|ay|", SIDE * np.abs(SIDE), 0.01),
+    ],
+)
+def test_what_a_sensor_shows_of_products_of_motion_gets_no_name(
+    channel: str, shape: str, course: np.ndarray, k: float
+) -> None:
+    """A roll gyro that followed the steering was called a leak of the yaw rate; k v a_y, a gyro that forces move."""
+
+    def add(one: Drive) -> None:
+        one.measured[:, IMU_CHANNELS.index(channel)] += k * course
+
+    said = answered(found(drive({}, CITY_V, CITY_STEER, change=add)))
+    assert said.causes == []
+    [there] = said.unlisted
+    assert (there.channel, there.shape) == (channel, f"k*{shape}")
+    assert there.coefficient.value == pytest.approx(k, rel=0.1)
+
+
+@pytest.mark.parametrize("channel", ["gyro_z", "accel_y"])
+def test_what_follows_the_steering_as_the_car_does_is_the_ratios(channel: str) -> None:
+    assert is_named("delta", channel)
+    assert not is_named("delta'", channel)
+    one = drive({}, CITY_V, CITY_STEER)
+    one.measured[:, IMU_CHANNELS.index(channel)] += 2.0 * CITY_STEER
+    rows = rows_of(one)
+    shape = best_shape(one, rows, fitted(one, rows, nothing(), (), {}))
+    assert shape is None or shape.shape != "k*delta"
 
 
 def magnets(*wheels: int) -> Drive:
