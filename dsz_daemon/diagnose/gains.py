@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import by_the_lean
 from dsz_daemon.diagnose.smooth_roads import bends, is_new_on_a_bank, smoother
+from dsz_daemon.diagnose.unfelt_banks import ACROSS, is_unfelt
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
@@ -45,7 +46,7 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         if effect == "side_wind" and by_the_lean(larger.x):
             mute[_TAKEN_BY_A_LEAN] = True
         else:
-            count[:, _NO_JUDGES.get(effect, [])] = 0.0
+            count[:, _taken_by(drive, effect, larger)] = 0.0
         if effect == "side_wind":
             # What rounding does to the steering pushes a car over time, too: no formula has it, but a profile may.
             form = np.hypot(form, drive.steps)
@@ -109,12 +110,14 @@ def puts_right(drive: Drive, smaller: Fit, larger: Fit) -> bool:
     now_off = far_off(drive, larger._replace(form=smaller.form))
     right = far_off(drive, smaller) & ~now_off & (_left(larger) < _left(smaller) / _RIGHT)
     for effect in set(larger.effects) - set(smaller.effects):
-        right[_taken_by(effect, larger)] = False
+        right[_taken_by(drive, effect, larger)] = False
     return bool(right.any())
 
 
-def _taken_by(effect: str, fit: Fit) -> list[int]:
+def _taken_by(drive: Drive, effect: str, fit: Fit) -> list[int]:
     """The channels that are no judges of a profile."""
+    if effect == "road_bank" and is_unfelt(drive):
+        return [ACROSS]
     return [_TAKEN_BY_A_LEAN] if effect == "side_wind" and by_the_lean(fit.x) else _NO_JUDGES.get(effect, [])
 
 

@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
@@ -46,8 +47,10 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
-    if effect in TILTS and _is_denied_by_its_gyro(drive, rows, fit, OWN_CHANNEL[effect]):
-        return True
+    if effect in TILTS:
+        gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
+        if _is_denied_by_its_gyro(drive, rows, fit, gyro):
+            return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
     # A C.G. that stands above the way on which a road turns is no arm: on one that tilts that is all an arm may be.
@@ -146,7 +149,8 @@ def _is_a_bank_unfelt(drive: Drive, fit: Fit) -> bool:
 def _is_denied_by_its_gyro(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
     """Whether a road leaves its own gyro, slowly, nearly as far off as none would: nobody felt it.
 
-    Its corrections are for what a gyro drifts by, and not for what an accelerometer shows by itself.
+    Its corrections are for what a gyro drifts by, and not for what an accelerometer shows by itself. A bank that no
+    roll gyro feels turns the car.
     """
     used = rows.used[:, c]
     road, flat_road = (predicted(drive, fit.x, one)[rows.at, c] for one in (fit.road, flat(len(drive.steer))))

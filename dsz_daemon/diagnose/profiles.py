@@ -26,6 +26,7 @@ from dsz_daemon.diagnose.prediction import (
 )
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.rolling import Rolling, earlier
+from dsz_daemon.diagnose.unfelt_banks import bank_by_the_turn, is_unfelt
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -49,6 +50,7 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
+_YAW_GYRO = INDEX["offset_gyro_z"]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
 _WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
@@ -76,6 +78,8 @@ class Felt:
         self._left_mps2, self._tyres_mps2, self._lean_share = level.lean_mps2, level.lean_mps2, 0.0
         self.is_anew = False
         self._turned: tuple[bytes, Floats] | None = None
+        self._banked: tuple[bytes, Floats] | None = None
+        self._is_unfelt = "road_bank" in effects and is_unfelt(drive)
         self._rolled: tuple[bytes, Rolling] | None = None
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
@@ -115,6 +119,8 @@ class Felt:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
         if self.is_anew:
             return True
+        if self._is_unfelt and effect not in _TILTS:
+            return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
         if effect in _TILTS:
@@ -150,7 +156,24 @@ class Felt:
             alone[first : first + KNOTS] = 0.0
         turning = self._turning(road, alone)
         bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
-        return _with_tilt(alone, road, turning, (bank_rad, -grade_rad), *(name in self._effects for name in _TILTS))
+        banks, climbs = (name in self._effects for name in _TILTS)
+        tilted = _with_tilt(
+            alone, road, turning, (bank_rad, -grade_rad), banks=banks and not self._is_unfelt, climbs=climbs
+        )
+        return tilted._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else tilted
+
+    def _unfelt_bank(self, road: Profiles, x: Floats, alone: Floats) -> Floats:
+        """A bank that no roll gyro feels, of these parameters; corrections are the knots', and are not in it."""
+        alone = alone.copy()
+        alone[_YAW_GYRO] = x[_YAW_GYRO]
+        key = b"".join(each.tobytes() for each in (alone, road.side_n, road.lean_mps2, np.array(road.lean_share)))
+        if self._banked is None or self._banked[0] != key:
+            level = flat(len(self._drive.steer))
+            level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
+            leant = leans_too(alone, road.lean_share)[0]
+            bank = bank_by_the_turn(self._drive, alone, level, self._rolls(level, alone), _ROAD_KERNEL, leant)
+            self._banked = key, _in_time(bank, alone)
+        return self._banked[1]
 
     @property
     def _is_tilted_twice(self) -> bool:
