@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.comparison import Each, Ints, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
+from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
@@ -35,12 +36,11 @@ _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 _STIFFNESS_SHARE = 0.05
 # One number at least has to be off zero by so many of its spreads, or all of them together have to gain much.
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
-# Counted in sealed trials (`dsz prove`): of causes that gained less one in five was true (seed 2026); and how often one
-# was true by what it gained, in log likelihood (seeds 2031 and 2032). The model has not all that a car is.
-_TOLD_GAIN, _EVEN_ODDS_GAIN = 20.0, 10.0
-# So many times more for what has no formula, and fits nearly anything; and the rms of a wind that is one: less is no
-# more than a crosswind that changes by 0.3 m/s on a motorway, and any small thing in the steering turns a car as much.
-_PROFILE, _LEAST_WIND_N = 2.0, 25.0
+# Counted in sealed trials (`dsz prove`, seeds 2031 and 2032): how often a cause was true by what it gained.
+_EVEN_ODDS_GAIN = 10.0
+# The rms of a wind that is one: less is no more than a crosswind that changes by 0.3 m/s on a motorway, and any small
+# thing in the steering turns a car as much.
+_LEAST_WIND_N = 25.0
 # Nor is it one that pushes no more than so many times what the steering's resolution does: half a degree is 13 N.
 _BEYOND_STEPS = 3.0
 # Of a factor that all wheels share: a drive that tells it no better does not tell it.
@@ -150,7 +150,7 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         for name, (value, std) in judged.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    enough = _TOLD_GAIN * left * (_PROFILE if effect in OWN_CHANNEL else 1.0)
+    enough = TOLD_GAIN * left * (TOLD_PROFILE if effect in OWN_CHANNEL else 1.0)
     if (named and not any(named)) or found.gains[effect] < enough:
         return None
     if effect == "imu_misalignment" and not surely and _takes_back(found):

@@ -57,7 +57,7 @@ class Step(NamedTuple):
 
 
 class Learnt(NamedTuple):
-    """What is known of the ways down: sensitivities (k, 13, p), those of how a bank bends (rows, 3), (0, 3) without.
+    """What is known of the ways down: sensitivities (k, 13, p), those of how a bank bends (rows, 4), (0, 4) without.
 
     `is_exact`: whether they are those of the place, not of another and turned since.
     """
@@ -119,7 +119,7 @@ class Slope(NamedTuple):
 
     def learnt(self, here: Place, known: Floats | None = None) -> Learnt:
         """The ways down from here, of which the sensitivities may be `known`."""
-        bent = slopes_of_bends(self.drive, here.felt, here.x, here.bent) if self.leans else np.zeros((0, 3))
+        bent = slopes_of_bends(self.drive, here.felt, here.x, here.bent) if self.leans else np.zeros((0, 4))
         return Learnt(self.taken(here) if known is None else known, bent)
 
     def step(self, here: Place, learnt: Learnt) -> Step | None:

@@ -45,6 +45,7 @@ from dsz_daemon.diagnose.smooth_roads import (
     rows_as_one,
     slopes_of_bends,
 )
+from dsz_daemon.diagnose.unfelt_banks import uncorrected
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -197,7 +198,7 @@ def fitted(
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
-    untold = untold_turns(drive) if MOUNT in effects else set[int]()
+    untold = (untold_turns(drive) if MOUNT in effects else set()) | uncorrected(drive)
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     columns = (
         *first,
@@ -284,7 +285,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
         places = [columns.index(column) for column in lean.columns]
         box.weight[places] += np.diag(lean.squares)
         # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.
-        hang[places] = SURER * rows_as_one(here.bent)
+        hang[places] = np.where(np.diag(lean.squares) > 0.0, SURER * rows_as_one(here.bent), 1.0)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
     # is not what is judged.
     lasting = [place for place, i in enumerate(columns) if words.columns[i] not in MOMENTS and i not in DRAWN]

@@ -50,7 +50,7 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
-_YAW_GYRO = INDEX["offset_gyro_z"]
+_SHOW_A_TURN = [INDEX["offset_gyro_z"], INDEX["offset_accel_y"]]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
 _WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
@@ -119,7 +119,7 @@ class Felt:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
         if self.is_anew:
             return True
-        if self._is_unfelt and effect not in _TILTS:
+        if self._is_unfelt:
             return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
@@ -163,9 +163,9 @@ class Felt:
         return tilted._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else tilted
 
     def _unfelt_bank(self, road: Profiles, x: Floats, alone: Floats) -> Floats:
-        """A bank that no roll gyro feels, of these parameters; corrections are the knots', and are not in it."""
+        """A bank that no roll gyro feels, of these parameters, offsets included: no integral, so it does not drift."""
         alone = alone.copy()
-        alone[_YAW_GYRO] = x[_YAW_GYRO]
+        alone[_SHOW_A_TURN] = x[_SHOW_A_TURN]
         key = b"".join(each.tobytes() for each in (alone, road.side_n, road.lean_mps2, np.array(road.lean_share)))
         if self._banked is None or self._banked[0] != key:
             level = flat(len(self._drive.steer))

@@ -8,9 +8,10 @@ from functools import cached_property
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted, may_be_a_curve
-from dsz_daemon.diagnose.gains import gained, is_beyond_form
+from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
@@ -120,10 +121,15 @@ def without_trifles(
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
     mine = {effect: gains[effect] for effect in best.effects}
+    # An accelerometer's own bank would hide there what is not said.
+    hidden = {"road_bank"} if is_unfelt(drive) and mine.get("road_bank", 0.0) < TOLD_PROFILE * TOLD_GAIN else set[str]()
     trifles = [
         effect
         for effect in best.effects
-        if mine[effect] < asked_of(drive, effect, mine)
-        and not is_beyond_form(drive, without(drive, rows, best, tolerance, (effect,), each), best)
+        if effect in hidden
+        or (
+            mine[effect] < asked_of(drive, effect, mine)
+            and not is_beyond_form(drive, without(drive, rows, best, tolerance, (effect,), each), best)
+        )
     ]
     return without(drive, rows, best, tolerance, trifles, each) if trifles else best

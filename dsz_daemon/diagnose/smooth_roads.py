@@ -25,7 +25,10 @@ SURER = 10.0
 # How long a body takes to lean; rad: smoother is no road that a gyro has felt.
 _REACH, _SMOOTHEST_RAD = round(0.5 / DT_S), 1e-4
 _BANK, _LEAN = "road_bank", "suspension_roll"
-_NUMBERS = tuple(INDEX[f"{_LEAN}.{name}"] for name in ("roll_gradient_rad_per_mps2", "frequency_share", "damping"))
+# How high the IMU sways above the roll axis makes no other bank of what a gyro feels, but of what forces show.
+_NUMBERS = tuple(
+    INDEX[f"{_LEAN}.{name}"] for name in ("roll_gradient_rad_per_mps2", "frequency_share", "damping", "above_m")
+)
 
 
 class Leaning(NamedTuple):
@@ -68,7 +71,7 @@ def unevenness(bent: Floats, usual: float) -> float:
 
 
 def slopes_of_bends(drive: Drive, felt: Callable[[Floats], Profiles], x: Floats, bent: Floats) -> Floats:
-    """What another lean makes of how the bank is `bent` (k,): secants (k, 3) over the numbers of a lean."""
+    """What another lean makes of how the bank is `bent` (k,): secants (k, 4) over the numbers of a lean."""
     slopes = np.empty((len(bent), len(_NUMBERS)))
     for i, column in enumerate(_NUMBERS):
         parameter, moved = drive.vocabulary.columns[column][1], x.copy()

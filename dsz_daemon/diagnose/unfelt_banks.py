@@ -27,6 +27,11 @@ def is_unfelt(drive: Drive) -> bool:
     return has == [False, True, True]
 
 
+def uncorrected(drive: Drive) -> set[int]:
+    """Columns of the knots that correct what a gyro drifts by: of a bank that none feels."""
+    return set(drive.vocabulary.columns_of("road_bank")) if is_unfelt(drive) else set()
+
+
 def bank_by_the_turn(
     drive: Drive, x: Floats, level: Profiles, rolls: Rolling, kernel: Floats, leans_too: float
 ) -> Floats:

@@ -8,9 +8,13 @@ from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.effects import NAMELESS
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.fit import OWN_CHANNEL
+from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape
+from dsz_daemon.signals import IMU_CHANNELS
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 
@@ -32,4 +36,17 @@ def untested(found: Search, each: Each) -> list[dict[str, str]]:
             name = words.columns[columns[own[int(np.argmax(shown))]]][1]
             why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
             weak.append({"effect": effect.name, "why": why})
-    return weak
+    return [*weak, *_untold_roads(found.drive)]
+
+
+def _untold_roads(drive: Drive) -> list[dict[str, str]]:
+    """Roads that nothing but the accelerometer that they tilt would show: as anything else that it shows."""
+    has = [bool(np.isfinite(drive.measured[:, c]).any()) for c in range(len(IMU_CHANNELS))]
+    found = []
+    if not has[OWN_CHANNEL["road_grade"]]:
+        why = "there is no pitch gyro to feel it: what accel_x shows more could be anything"
+        found.append({"effect": "road_grade", "why": why})
+    if not has[OWN_CHANNEL["road_bank"]] and not is_unfelt(drive):
+        why = "there is no roll gyro to feel it, nor a yaw gyro beside a lateral accelerometer"
+        found.append({"effect": "road_bank", "why": why})
+    return found
