@@ -32,6 +32,7 @@ from dsz_daemon.diagnose.evidence import (
     sums,
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
+from dsz_daemon.diagnose.loads import LOAD, spread_by_inertia
 from dsz_daemon.diagnose.mounts import MOUNT, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
@@ -310,6 +311,8 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
+    if LOAD in effects:
+        std = np.hypot(std, spread_by_inertia(drive, rows, here, values, found, box.weight))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, _IMU)
         for i, more in zip(words.columns_of("bias_drift"), slow.tolist(), strict=True):
