@@ -27,7 +27,8 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
-from dsz_daemon.diagnose.unlisted import Coefficient, Shape, is_shape, unlisted, wheel_squares
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
+from dsz_daemon.diagnose.unlisted import is_shape, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -72,10 +73,13 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     errors = parameter_errors(found, each)
     named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
     left = doubt(found, unexplained)
-    causes = [cause for effect in named if (cause := _cause(found, effect, left)) is not None]
+    # A grade that no gyro feels is judged by one channel: what else is off is no matter.
+    alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
+    told = (_cause(found, effect, alone if effect == "road_grade" else left) for effect in named)
+    causes = [cause for cause in told if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
-    shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *_wheel_shapes(found)]
+    shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *wheel_shapes(found.drive, found.best)]
     said = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(
@@ -96,14 +100,6 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
 def _names_slip_alone(causes: Sequence[Cause]) -> bool:
     """Whether wheels slip, and nothing is said of their radii."""
     return "wheel_slip" in {cause.effect for cause in causes} and "wheel_radius" not in {c.effect for c in causes}
-
-
-def _wheel_shapes(found: Search) -> list[Shape]:
-    """What wheels show that grows with the square of their speed."""
-    return [
-        Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value, std, "(m/s)/(m2/s2)"), 1.0)
-        for wheel, (value, std) in wheel_squares(found.drive, found.best).items()
-    ]
 
 
 def _offsets(found: Search, causes: Sequence[Cause] = ()) -> dict[str, tuple[float, float]]:

@@ -46,7 +46,7 @@ from dsz_daemon.diagnose.smooth_roads import (
     rows_as_one,
     slopes_of_bends,
 )
-from dsz_daemon.diagnose.unfelt_banks import uncorrected
+from dsz_daemon.diagnose.unfelt_banks import untold_beside
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -103,6 +103,7 @@ class Fit(NamedTuple):
 
     `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
+    `along`: of a grade that no gyro feels (b,), on unseen blocks, and how many rows of it count as one.
     `is_exact`: judged by the slopes of its end, not of where it came from.
     """
 
@@ -120,6 +121,7 @@ class Fit(NamedTuple):
     together: Mapping[str, Floats]
     felt: Felt
     covariance: Floats
+    along: tuple[Floats, float] | None = None
     is_exact: bool = True
 
 
@@ -199,7 +201,7 @@ def fitted(
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
-    untold = (untold_turns(drive) if MOUNT in effects else set()) | uncorrected(drive)
+    untold = (untold_turns(drive) if MOUNT in effects else set()) | untold_beside(drive)
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     columns = (
         *first,
@@ -322,7 +324,10 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
         # Readings tell it to the last digit, but for what the filter makes of short tops.
         std[columns.index(i)] = OF_ITSELF * x[i]
     road, felt = here.road, here.felt
-    return Fit(x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance)
+    along = felt.unseen_along(x, rows)
+    return Fit(
+        x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance, along
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
@@ -10,10 +12,11 @@ from dsz_daemon.diagnose.fit import UPRIGHT, Fit
 from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
-from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats
 from dsz_daemon.diagnose.profiles import by_the_lean
 from dsz_daemon.diagnose.smooth_roads import bends, is_new_on_a_bank, smoother
 from dsz_daemon.diagnose.unfelt_banks import ACROSS, is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0
@@ -77,6 +80,11 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         np.where(count > 0.0, (fit.together[kind] if kind else fit.unseen) + count * smoothed_away(drive, fit.x), 0.0)
         for fit in (smaller, larger)
     )
+    if larger.along is not None and "road_grade" not in smaller.effects and not kind:
+        # Nothing else shows this road: what of it other places tell is its evidence.
+        count[:, ALONG] = larger.sums.counts[:, ALONG]
+        before[:, ALONG], after[:, ALONG] = smaller.unseen[:, ALONG], larger.along[0]
+        per_row = np.where(np.arange(len(per_row)) == ALONG, larger.along[1], per_row)
     found = gain(before, after, count, per_row, form, mute) - _A_PARAMETER * len(moved)
     found += _smooths(drive, smaller, larger)
     # That readings stand at a limit is seen without any simulation.
@@ -115,6 +123,10 @@ def puts_right(drive: Drive, smaller: Fit, larger: Fit) -> bool:
     right = far_off(drive, smaller) & ~now_off & (_left(larger) < _left(smaller) / _RIGHT)
     for effect in set(larger.effects) - set(smaller.effects):
         right[_taken_by(drive, effect, larger)] = False
+    if larger.along is not None and "road_grade" not in smaller.effects:
+        rows = max(float(larger.sums.counts[:, ALONG].sum()), 1.0)
+        told = math.sqrt(float(larger.along[0].sum()) / rows) < float(_left(smaller)[ALONG]) / _RIGHT
+        right[ALONG] = told and bool(far_off(drive, smaller)[ALONG])
     return bool(right.any())
 
 
@@ -122,6 +134,8 @@ def _taken_by(drive: Drive, effect: str, fit: Fit) -> list[int]:
     """The channels that are no judges of a profile."""
     if effect == "road_bank" and is_unfelt(drive):
         return [ACROSS]
+    if effect == "road_grade" and climbs_unfelt(drive):
+        return [ALONG]
     return [_TAKEN_BY_A_LEAN] if effect == "side_wind" and by_the_lean(fit.x) else _NO_JUDGES.get(effect, [])
 
 

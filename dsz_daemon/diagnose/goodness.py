@@ -10,7 +10,7 @@ from dsz_daemon.diagnose.comparison import floors
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.flexible import flexible_rms
 from dsz_daemon.diagnose.locate import channel_names
-from dsz_daemon.diagnose.prediction import Floats
+from dsz_daemon.diagnose.prediction import ALONG, Floats
 from dsz_daemon.diagnose.said import ChannelFit, Sides
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
@@ -23,6 +23,8 @@ def goodness(found: Search) -> dict[str, ChannelFit]:
     def rms(fit: Fit, unseen: bool) -> Floats:
         n = np.maximum(fit.sums.counts.sum(axis=0), 1.0)
         total = fit.unseen.sum(axis=0) if unseen else (fit.sums.left * fit.scatter**2).sum(axis=0)
+        if unseen and fit.along is not None:
+            total[ALONG] = fit.along[0].sum()
         return np.asarray(np.sqrt(np.maximum(total, 0.0) / n), dtype=np.float64)
 
     seen, unseen = ((rms(found.nominal, side), rms(found.best, side)) for side in (False, True))

@@ -16,6 +16,7 @@ from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
@@ -47,6 +48,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
+    if effect == "road_grade" and climbs_unfelt(drive):
+        return not rises_and_falls(way_of(drive), fit.road.grade_rad)
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         if _is_denied_by_its_gyro(drive, rows, fit, gyro):

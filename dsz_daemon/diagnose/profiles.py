@@ -11,9 +11,10 @@ from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import FORM, Each, floors
+from dsz_daemon.diagnose.comparison import FORM, Each, Rows, floors
 from dsz_daemon.diagnose.effects import INDEX, KNOTS, OFFSETS
 from dsz_daemon.diagnose.prediction import (
+    ALONG,
     Drive,
     Moving,
     Profiles,
@@ -27,6 +28,7 @@ from dsz_daemon.diagnose.prediction import (
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.rolling import Rolling, earlier
 from dsz_daemon.diagnose.unfelt_banks import bank_by_the_turn, is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import Climb, climbs_unfelt
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -50,6 +52,7 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 # A lateral acceleration that is off by so many times what noise and form leave is a force that is in no simulation.
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
+_AHEAD_SCALE = INDEX["accel_scale.x"]
 _SHOW_A_TURN = [INDEX["offset_gyro_z"], INDEX["offset_accel_y"]]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
@@ -80,6 +83,8 @@ class Felt:
         self._turned: tuple[bytes, Floats] | None = None
         self._banked: tuple[bytes, Floats] | None = None
         self._is_unfelt = "road_bank" in effects and is_unfelt(drive)
+        self._climb = Climb(drive) if "road_grade" in effects and climbs_unfelt(drive) else None
+        self._climbed: tuple[bytes, Floats] | None = None
         self._rolled: tuple[bytes, Rolling] | None = None
         self._first = self._tilted(flat(len(drive.steer)), start)
         if _WIND in effects:
@@ -119,7 +124,7 @@ class Felt:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
         if self.is_anew:
             return True
-        if self._is_unfelt:
+        if self._is_unfelt or self._climb is not None:
             return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
@@ -157,10 +162,15 @@ class Felt:
         turning = self._turning(road, alone)
         bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
         banks, climbs = (name in self._effects for name in _TILTS)
-        tilted = _with_tilt(
-            alone, road, turning, (bank_rad, -grade_rad), banks=banks and not self._is_unfelt, climbs=climbs
-        )
-        return tilted._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else tilted
+        gyros_feel = banks and not self._is_unfelt, climbs and self._climb is None
+        road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), *gyros_feel)
+        if self._is_unfelt:
+            road = road._replace(bank_rad=self._unfelt_bank(road, x, alone))
+        if self._climb is not None:
+            shown_mps2 = motion.G * (1.0 + float(x[_AHEAD_SCALE])) * leans_too(x, road.lean_share)[1]
+            up_rad = self._climb.up_rad(self._left_along(road, alone), shown_mps2)
+            road = road._replace(grade_rad=_in_time(up_rad, x))
+        return road
 
     def _unfelt_bank(self, road: Profiles, x: Floats, alone: Floats) -> Floats:
         """A bank that no roll gyro feels, of these parameters, offsets included: no integral, so it does not drift."""
@@ -174,6 +184,19 @@ class Felt:
             bank = bank_by_the_turn(self._drive, alone, level, self._rolls(level, alone), _ROAD_KERNEL, leant)
             self._banked = key, _in_time(bank, alone)
         return self._banked[1]
+
+    def _left_along(self, road: Profiles, alone: Floats) -> Floats:
+        """What the longitudinal accelerometer has left over on a road that does not climb (n,), m/s^2."""
+        key = b"".join(each.tobytes() for each in (alone, road.side_n, road.bank_rad))
+        if self._climbed is None or self._climbed[0] != key:
+            level = road._replace(grade_rad=np.zeros(len(road.grade_rad)))
+            shown = predicted(self._drive, alone, level, self._rolls(level, alone))
+            self._climbed = key, np.nan_to_num(self._drive.measured[:, ALONG] - shown[:, ALONG])
+        return self._climbed[1]
+
+    def unseen_along(self, x: Floats, rows: Rows) -> tuple[Floats, float] | None:
+        """What of a grade that no pitch gyro feels other places do not tell, see there; None for any other road."""
+        return None if self._climb is None else self._climb.unseen(rows, self._left_along(self(x), x))
 
     @property
     def _is_tilted_twice(self) -> bool:

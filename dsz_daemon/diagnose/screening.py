@@ -12,8 +12,9 @@ from dsz_daemon.diagnose.comparison import Bools, Each, Rows, noises, sensitivit
 from dsz_daemon.diagnose.effects import GUESSED, NUISANCES
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, Box, Sums, gain, held_out, sums
 from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
-from dsz_daemon.diagnose.prediction import Drive, Floats, predicted
+from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats, predicted
 from dsz_daemon.diagnose.unfelt_banks import ACROSS, is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 # Those that a linear step brings so much of what it brings the best.
 _WORTH = 0.05
@@ -30,7 +31,11 @@ _BLOWS_ROWS = 10.0
 
 def feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
     """Whether a profile may be there: whether its own channel is, and more is left than noise and form leave."""
-    own = ACROSS if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
+    own = OWN_CHANNEL[effect]
+    if effect == "road_bank" and is_unfelt(drive):
+        own = ACROSS
+    if effect == "road_grade" and climbs_unfelt(drive):
+        own = ALONG
     if not rows.used[:, own].any():
         return False
     if effect == "side_wind" and best.per_row[OWN_CHANNEL[effect]] > _BLOWS_ROWS:

@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
@@ -121,8 +122,9 @@ def without_trifles(
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
     mine = {effect: gains[effect] for effect in best.effects}
-    # An accelerometer's own bank would hide there what is not said.
-    hidden = {"road_bank"} if is_unfelt(drive) and mine.get("road_bank", 0.0) < TOLD_PROFILE * TOLD_GAIN else set[str]()
+    # An accelerometer's own road would hide there what is not said.
+    own = [*(["road_bank"] if is_unfelt(drive) else []), *(["road_grade"] if climbs_unfelt(drive) else [])]
+    hidden = {road for road in own if mine.get(road, 0.0) < TOLD_PROFILE * TOLD_GAIN}
     trifles = [
         effect
         for effect in best.effects

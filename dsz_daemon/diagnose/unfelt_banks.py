@@ -14,6 +14,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, driven, gyros_of, shown
 from dsz_daemon.diagnose.recording import DT_S, filtered
 from dsz_daemon.diagnose.rolling import Rolling
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 ROLL_GYRO, YAW_GYRO, ACROSS = 0, 2, 4
 _SCALE, _OFFSET = INDEX["accel_scale.y"], INDEX["offset_accel_y"]
@@ -27,9 +28,17 @@ def is_unfelt(drive: Drive) -> bool:
     return has == [False, True, True]
 
 
-def uncorrected(drive: Drive) -> set[int]:
-    """Columns of the knots that correct what a gyro drifts by: of a bank that none feels."""
-    return set(drive.vocabulary.columns_of("road_bank")) if is_unfelt(drive) else set()
+def untold_beside(drive: Drive) -> set[int]:
+    """Columns that a road which no gyro feels leaves untold.
+
+    Knots, which correct what a gyro drifts by; and what leaks of the vertical into the accelerometer that it is taken
+    from, which is a constant and the road's own rise and fall.
+    """
+    found = set[int]()
+    for road, leak, is_there in (("road_bank", "yz", is_unfelt(drive)), ("road_grade", "xz", climbs_unfelt(drive))):
+        if is_there:
+            found |= {*drive.vocabulary.columns_of(road), INDEX[f"accel_cross_axis.{leak}"]}
+    return found
 
 
 def bank_by_the_turn(

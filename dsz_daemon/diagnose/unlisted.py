@@ -190,6 +190,14 @@ def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:
     }
 
 
+def wheel_shapes(drive: Drive, fit: Fit) -> list[Shape]:
+    """What wheels show that grows with the square of their speed."""
+    return [
+        Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value, std, "(m/s)/(m2/s2)"), 1.0)
+        for wheel, (value, std) in wheel_squares(drive, fit).items()
+    ]
+
+
 def as_effect(channel: str, shape: str, course: Floats, unit: str, size: float) -> Effect:
     """The shape as what may have been left out; `course` (n,) of size `size`."""
     return Effect(

@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -40,11 +41,11 @@ def untested(found: Search, each: Each) -> list[dict[str, str]]:
 
 
 def _untold_roads(drive: Drive) -> list[dict[str, str]]:
-    """Roads that nothing but the accelerometer that they tilt would show: as anything else that it shows."""
+    """Roads that nothing there would show."""
     has = [bool(np.isfinite(drive.measured[:, c]).any()) for c in range(len(IMU_CHANNELS))]
     found = []
-    if not has[OWN_CHANNEL["road_grade"]]:
-        why = "there is no pitch gyro to feel it: what accel_x shows more could be anything"
+    if not has[OWN_CHANNEL["road_grade"]] and not climbs_unfelt(drive):
+        why = "there is neither a pitch gyro to feel it nor a longitudinal accelerometer"
         found.append({"effect": "road_grade", "why": why})
     if not has[OWN_CHANNEL["road_bank"]] and not is_unfelt(drive):
         why = "there is no roll gyro to feel it, nor a yaw gyro beside a lateral accelerometer"

@@ -1,0 +1,138 @@
+"""A grade where no pitch gyro is to feel it: what the longitudinal accelerometer shows more, as a function of place.
+
+reading_x = a_x + g gamma, and the wheels tell a_x. Nothing else shows this road; but a road is a function of place, and
+rises and falls over tens of metres: what is seen of it before and behind tells what is between. So it is a smooth
+function of the way driven (a Gaussian process, Matern 5/2; Rasmussen and Williams, Gaussian Processes for Machine
+Learning, chapters 2 and 4), and judged on stretches of 5 s that it has not seen. What a sensor shows wrongly is one of
+how the car moves, and nothing of where it is: neither what is quick nor what changes while the car stands follows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import BLOCK_S, Ints, Rows
+from dsz_daemon.diagnose.correlation import correlated_rows
+from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats
+from dsz_daemon.diagnose.recording import DT_S
+
+PITCH_GYRO = 1
+# What is averaged; no more of them than a matrix may have rows.
+_CELL_S, _MOST_CELLS = 0.72, 400
+# How far a road looks alike, and the noise over what the road does: whichever leaves the least on unseen blocks.
+_REACH_M = (20.0, 40.0, 80.0, 160.0, 320.0)
+_NOISE = (0.03, 0.1, 0.3, 1.0)
+# A road that is one turns so often from up to down or back, by this share of its rms; what warms up or drifts does not.
+_TURNS, _TURN = 3, 0.5
+
+
+def climbs_unfelt(drive: Drive) -> bool:
+    """Whether there is no pitch gyro, but a longitudinal accelerometer."""
+    return bool(np.isnan(drive.measured[:, PITCH_GYRO]).all() and np.isfinite(drive.measured[:, ALONG]).any())
+
+
+class Way(NamedTuple):
+    """The way driven (n,), m, and its cells: of each row (n,), -1 for none, where they are (c,), and their blocks."""
+
+    at_m: Floats
+    cell: Ints
+    cells_m: Floats
+    block: Ints
+
+
+class ByPlace(NamedTuple):
+    """What makes a smooth road of the cells' means: (c, c); and of them what blocks of 5 s show beyond all others."""
+
+    smooth: Floats
+    unseen: Floats
+
+
+def way_of(drive: Drive) -> Way:
+    """Cells of less than a second in which the car rolls and the accelerometer shows something."""
+    v = np.nan_to_num(np.mean(drive.wheels, axis=1))
+    at_m = np.cumsum(np.maximum(v, 0.0)) * DT_S
+    time_s = DT_S * np.arange(len(v))
+    there = np.isfinite(drive.measured[:, ALONG]) & (v > motion.ROLLING_MPS)
+    size_s = max(_CELL_S, float(time_s[-1]) / _MOST_CELLS)
+    cell = np.full(len(v), -1, dtype=np.int64)
+    _, cell[there] = np.unique((time_s[there] / size_s).astype(np.int64), return_inverse=True)
+    count = np.maximum(np.bincount(cell[there]), 1)
+    middle_s = np.bincount(cell[there], time_s[there]) / count
+    return Way(at_m, cell, np.bincount(cell[there], at_m[there]) / count, (middle_s / BLOCK_S).astype(np.int64))
+
+
+def cell_means(way: Way, values: Floats) -> Floats:
+    """Of values (n,) the means of each cell (c,), their own mean taken off: that is an offset's."""
+    there = way.cell >= 0
+    means = np.bincount(way.cell[there], values[there]) / np.bincount(way.cell[there])
+    return np.asarray(means - np.mean(means))
+
+
+def by_place(way: Way, means: Floats) -> ByPlace:
+    """The smoothness of a road of which the cells' means are these."""
+    apart = np.abs(way.cells_m[:, np.newaxis] - way.cells_m)
+    blocks = [np.flatnonzero(way.block == block) for block in np.unique(way.block)]
+    best, least = (np.eye(len(means)), np.eye(len(means))), math.inf
+    for reach_m in _REACH_M:
+        r = math.sqrt(5.0) * apart / reach_m
+        alike = (1.0 + r + r * r / 3.0) * np.exp(-r)
+        powers, waves = np.linalg.eigh(alike)
+        for noise in _NOISE:
+            inverse = (waves / (np.maximum(powers, 0.0) + noise**2)) @ waves.T
+            pulled = inverse @ means
+            left = sum(float(np.sum(np.linalg.solve(inverse[np.ix_(at, at)], pulled[at]) ** 2)) for at in blocks)
+            if left < least:
+                best, least = (alike, inverse), left
+    alike, inverse = best
+    unseen = np.empty_like(inverse)
+    for at in blocks:
+        unseen[at] = np.linalg.solve(inverse[np.ix_(at, at)], inverse[at])
+    return ByPlace(alike @ inverse, unseen)
+
+
+def along_the_way(way: Way, cells: Floats) -> Floats:
+    """Values of cells (c,) everywhere (n,): where the car stands, that of the place."""
+    return np.interp(way.at_m, way.cells_m, cells)
+
+
+class Climb:
+    """A grade that no pitch gyro feels, as smooth over the way as it was at first."""
+
+    def __init__(self, drive: Drive) -> None:
+        self._way = way_of(drive)
+        self._place: ByPlace | None = None
+
+    def up_rad(self, left_mps2: Floats, shown_mps2: float) -> Floats:
+        """Grade (n,) of what is left on a level road (n,), where a radian shows as so much."""
+        means = cell_means(self._way, left_mps2)
+        if self._place is None:
+            self._place = by_place(self._way, means)
+        return along_the_way(self._way, self._place.smooth @ means) / shown_mps2
+
+    def unseen(self, rows: Rows, left_mps2: Floats) -> tuple[Floats, float]:
+        """Squares (b,) of what other places do not tell of what is left (n,), and how many rows of it are as one."""
+        means = cell_means(self._way, left_mps2)
+        place = self._place or by_place(self._way, means)
+        told = along_the_way(self._way, means - place.unseen @ means)
+        used = rows.used[:, ALONG]
+        off = np.where(used, (left_mps2 - told)[rows.at], 0.0)
+        off[used] -= np.mean(off[used])
+        squares: Floats = np.bincount(rows.block, off**2, minlength=int(rows.block[-1]) + 1).astype(np.float64)
+        return squares, float(correlated_rows(off[:, np.newaxis], used[:, np.newaxis])[0])
+
+
+def rises_and_falls(way: Way, grade_rad: Floats) -> bool:
+    """Whether a road turns from up to down and back as often as one does."""
+    least, turns, rising = _TURN * float(np.std(grade_rad[way.cell >= 0])), 0, 0
+    low = high = float(grade_rad[0])
+    for value in grade_rad[way.cell >= 0].tolist():
+        low, high = min(low, value), max(high, value)
+        if rising <= 0 and value > low + least:
+            turns, rising, high = turns + (rising < 0), 1, value
+        elif rising >= 0 and value < high - least:
+            turns, rising, low = turns + (rising > 0), -1, value
+    return turns >= _TURNS

@@ -1,0 +1,179 @@
+"""diagnose: a grade that no pitch gyro feels: a function of place, told by what is before and behind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.goodness import goodness
+from dsz_daemon.diagnose.motion import G
+from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.prediction import ALONG, Drive, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.smaller import without_trifles
+from dsz_daemon.diagnose.unfelt_grades import (
+    along_the_way,
+    by_place,
+    cell_means,
+    climbs_unfelt,
+    rises_and_falls,
+    way_of,
+)
+
+WAY_M = DT_S * np.cumsum(CITY_V)
+# Hills of 250 m and of 170 m.
+HILLS = 0.03 * np.sin(2.0 * np.pi * WAY_M / 250.0) + 0.02 * np.sin(2.0 * np.pi * WAY_M / 170.0 + 1.0)
+THREE = (0, 1, 5)
+INSIDE = slice(200, -200)
+
+
+def climbing(left_out: dict[str, float], grade: np.ndarray = HILLS, without: tuple[int, ...] = THREE) -> Drive:
+    """A noisy drive on that road, by the kernel itself, without these channels."""
+    level = drive({}, CITY_V, CITY_STEER)
+    x = nothing()
+    for name, value in left_out.items():
+        x[INDEX[name]] = value
+    noise = level.measured[:, :9] - predicted(level, nothing(), flat(N))[:, :9]
+    measured = level.measured.copy()
+    measured[:, :9] = predicted(level, x, flat(N)._replace(grade_rad=grade))[:, :9] + noise
+    measured[:, without] = np.nan
+    return level._replace(measured=measured)
+
+
+def showing(more_mps2: np.ndarray, without: tuple[int, ...] = THREE) -> Drive:
+    """A level drive whose longitudinal accelerometer shows more."""
+
+    def change(one: Drive) -> None:
+        one.measured[:, ALONG] += more_mps2
+        one.measured[:, without] = np.nan
+
+    return drive({}, CITY_V, CITY_STEER, change=change)
+
+
+def test_hills_are_named_and_are_as_they_are() -> None:
+    search = found(climbing({}))
+    assert search.best.effects == ("road_grade",)
+    off = on_road(search.best.road, search.best.x).grade_rad - HILLS
+    assert np.std(off[INSIDE]) < np.radians(0.15)
+    said = answered(search)
+    assert said.verdict == "explained"
+    assert said.causes[0].parameters["rms_rad"].value == pytest.approx(np.std(HILLS), rel=0.1)
+    # What is told of unseen blocks is what other places tell of them, not what the accelerometer itself has.
+    told = goodness(search)["accel_x"]
+    assert told.held_out.after > 1.5 * told.train.after
+    assert told.held_out.after < 0.3 * told.held_out.before
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"accel_scale.y": -0.05},
+        {"gyro_scale.z": 0.05},
+        {"wheel_radius.fl": 0.01},
+        {"steering_offset.offset_rad": 0.01},
+    ],
+)
+def test_what_else_is_left_out_is_named_beside_it(other: dict[str, float]) -> None:
+    search = found(climbing(other))
+    [name] = {key.partition(".")[0] for key in other}
+    assert sorted(search.best.effects) == sorted(("road_grade", name))
+    for key, value in other.items():
+        place = search.best.columns.index(INDEX[key])
+        assert abs(search.best.x[INDEX[key]] - value) < 3.0 * search.best.std[place]
+
+
+@pytest.mark.parametrize(
+    "more_mps2",
+    [
+        0.25 / (1.0 + np.exp(-(T - 30.0))),
+        0.25 * (1.0 - np.exp(-T / 20.0)),
+        0.1 * np.sign(np.sin(2.1 * T)),
+        0.05 * CITY_V**1.5 / 12.0,
+        0.3 * CITY_STEER**2 / 0.002,
+    ],
+    ids=["a step", "warming up", "hysteresis", "of speed", "of steering"],
+)
+def test_what_the_accelerometer_shows_by_itself_is_no_hill(more_mps2: np.ndarray) -> None:
+    said = answered(found(showing(more_mps2)))
+    assert "road_grade" not in {cause.effect for cause in said.causes}
+    assert said.verdict != "consistent"
+
+
+def test_on_a_level_road_nothing_is_said() -> None:
+    for seed in (1, 2, 3):
+        one = drive({}, CITY_V, CITY_STEER, seed=seed)
+        one.measured[:, THREE] = np.nan
+        assert answered(found(one)).verdict == "consistent"
+
+
+def test_with_a_pitch_gyro_the_road_is_that_gyros() -> None:
+    assert climbs_unfelt(climbing({}))
+    assert climbs_unfelt(climbing({}, without=(1,)))
+    assert not climbs_unfelt(climbing({}, without=(0, 5)))
+    assert not climbs_unfelt(climbing({}, without=(1, 3)))
+    felt = climbing({}, without=())
+    rows = rows_of(felt)
+    assert fitted(felt, rows, nothing(), ("road_grade",), TOLERANCE).along is None
+    alone = climbing({})
+    assert fitted(alone, rows_of(alone), nothing(), ("road_grade",), TOLERANCE).along is not None
+
+
+def test_other_places_tell_what_is_between() -> None:
+    """Of each block of 5 s by all other blocks: hills of 250 m are told, what changes from row to row is not."""
+    way = way_of(climbing({}))
+    rng = np.random.default_rng(1)
+    means = cell_means(way, HILLS)
+    off = by_place(way, means).unseen @ means
+    assert np.std(off) < 0.2 * np.std(means)
+    white = rng.normal(size=len(means))
+    off = by_place(way, white).unseen @ white
+    assert np.std(off) > 0.9 * np.std(white)
+    # By hand: a block's own cells have no say in what is told of it.
+    road, told = by_place(way, means), means - by_place(way, means).unseen @ means
+    other = means.copy()
+    other[way.block == 5] += 7.0
+    assert np.allclose((other - road.unseen @ other)[way.block == 5], told[way.block == 5], atol=1e-8)
+
+
+def test_a_car_that_stands_stays_on_its_slope() -> None:
+    stops = CITY_V * np.clip(1.0 - (T - 20.0) / 8.0, 0.0, 1.0) + CITY_V * np.clip((T - 40.0) / 8.0, 0.0, 1.0)
+    one = drive({}, stops, CITY_STEER * (T < 20.0))
+    way = way_of(one)
+    values = along_the_way(way, np.sin(way.cells_m / 40.0))
+    standing = (T > 28.5) & (T < 39.5)
+    assert np.ptp(values[standing]) == 0.0
+    assert np.all(way.cell[standing] == -1)
+
+
+@pytest.mark.parametrize(
+    ("course", "expected"),
+    [
+        (np.sin(T / 5.0), True),
+        (np.sin(T / 5.0) + 0.2 * np.sin(3.0 * T), True),
+        (np.sin(T / 19.1), False),
+        (1.0 / (1.0 + np.exp(-(T - 30.0))) + 0.05 * np.sin(3.0 * T), False),
+        (T, False),
+        (-np.exp(-T / 20.0), False),
+    ],
+)
+def test_a_road_rises_and_falls(course: np.ndarray, expected: bool) -> None:
+    one = climbing({}, 0.02 * course)
+    assert rises_and_falls(way_of(one), 0.02 * course) is expected
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    assert is_implausible(one, rows, fit, "road_grade") is not expected
+
+
+def test_a_grade_that_is_not_said_hides_nothing() -> None:
+    one = climbing({}, 0.1 * HILLS)
+    rows = rows_of(one)
+    with_it = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    assert np.std(with_it.left[rows.used[:, ALONG], ALONG]) < np.std(0.1 * G * HILLS)
+    for gain, effects in ((39.0, ()), (41.0, ("road_grade",))):
+        rest = without_trifles(one, rows, with_it, TOLERANCE, {"road_grade": gain}, map)
+        assert rest.effects == effects
