@@ -22,7 +22,7 @@ from dsz_daemon.diagnose.recording import DT_S
 
 PITCH_GYRO = 1
 # What is averaged; no more of them than a matrix may have rows.
-_CELL_S, _MOST_CELLS = 0.72, 400
+_CELL_S, _MOST_CELLS = 0.48, 400
 # How far a road looks alike, and the noise over what the road does: whichever leaves the least on unseen blocks.
 _REACH_M = (20.0, 40.0, 80.0, 160.0, 320.0)
 _NOISE = (0.03, 0.1, 0.3, 1.0)
@@ -52,7 +52,7 @@ class ByPlace(NamedTuple):
 
 
 def way_of(drive: Drive) -> Way:
-    """Cells of less than a second in which the car rolls and the accelerometer shows something."""
+    """Cells of half a second in which the car rolls and the accelerometer shows something."""
     v = np.nan_to_num(np.mean(drive.wheels, axis=1))
     at_m = np.cumsum(np.maximum(v, 0.0)) * DT_S
     time_s = DT_S * np.arange(len(v))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 import real_faults
 
+from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.runs.diagnose import Beside, diagnose
 
 WITHOUT = {"road_grade", "wheel_slip"}
@@ -45,3 +47,28 @@ def test_a_reference_of_speed_tells_the_wheels_common_factor(tmp_path: Path) -> 
     assert set(causes) == WITHOUT | {"wheel_radius"}
     for value in causes["wheel_radius"].values():
         assert value["value"] == pytest.approx(1.0097, abs=1e-3)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not real_faults.DATA.is_dir(), reason="the real recordings are not beside the project")
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_by_the_cars_own_three_channels_hills_are_named_and_the_reversed_axis(
+    tmp_path: Path, is_reversed: bool
+) -> None:
+    """No pitch gyro feels them: the accelerometer alone, as a function of place. The reference is not read before."""
+    config = (real_faults.ROOT / "config" / "cars" / "toyota_rav4_2017.yaml").read_text(encoding="utf-8")
+    config = config.replace("../../", f"{real_faults.ROOT}/").replace("dbc: [", f"dbc: [{real_faults.DATA}/../")
+    put_right = next(line for line in config.splitlines() if line.strip().startswith("accel_x"))
+    if is_reversed:
+        config = config.replace(put_right, put_right.replace(", sign: -1", ""))
+    (tmp_path / "car.yaml").write_text(config, encoding="utf-8")
+    found = diagnose([real_faults.DATA / "recording.log"], tmp_path / "car.yaml", tmp_path / "out")
+    causes = {cause["effect"] for cause in found["causes"]}
+    assert causes == WITHOUT | ({"axis_fault"} if is_reversed else set())
+    with (real_faults.DATA / "reference.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    time_s, grade = (np.array([float(row[name]) for row in rows]) for name in ("time_s", "grade_up_rad"))
+    columns = read_samples(tmp_path / "out" / "fit.parquet")
+    told = np.interp(time_s, columns["time_s"], columns["road_grade_up_rad"])
+    assert np.corrcoef(told, grade)[0, 1] > 0.9
+    assert np.std(told - grade) < np.radians(0.8)
