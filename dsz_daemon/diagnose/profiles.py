@@ -120,6 +120,12 @@ class Felt:
         found.is_anew = True
         return found
 
+    def smoothed_anew(self) -> Felt | None:
+        """The same with a grade that is as smooth as it is now, where no gyro feels it; None for any other road."""
+        found = copy(self)
+        found._climb = self._climb and self._climb.anew()
+        return found if found._climb else None
+
     def changes_with(self, effect: str) -> bool:
         """Whether another parameter of this effect makes another road, or lean, of the same readings."""
         if self.is_anew:
@@ -164,8 +170,7 @@ class Felt:
         banks, climbs = (name in self._effects for name in _TILTS)
         gyros_feel = banks and not self._is_unfelt, climbs and self._climb is None
         road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), *gyros_feel)
-        if self._is_unfelt:
-            road = road._replace(bank_rad=self._unfelt_bank(road, x, alone))
+        road = road._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else road
         if self._climb is not None:
             shown_mps2 = motion.G * (1.0 + float(x[_AHEAD_SCALE])) * leans_too(x, road.lean_share)[1]
             up_rad = self._climb.up_rad(self._left_along(road, alone), shown_mps2)

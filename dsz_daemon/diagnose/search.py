@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import Screening, screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
-from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles
+from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles, worth_now
 from dsz_daemon.diagnose.starts import Start, starts_of
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found, wheel_squares
 
@@ -172,10 +172,13 @@ def _without_its_twin(
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """Without trifles, and what was found of them."""
-    best = without_trifles(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
     best = in_the_middle(found.drive, found.rows, best, tolerance, each)
     shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
-    return found._replace(best=best, rivals={effect: found.rivals[effect] for effect in best.effects}, shapes=shapes)
+    return found._replace(
+        best=best, gains=gains, rivals={effect: found.rivals[effect] for effect in best.effects}, shapes=shapes
+    )
 
 
 def _with_wind_anew(trial: _Trial, each: Each) -> Fit | None:

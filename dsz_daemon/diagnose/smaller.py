@@ -105,10 +105,14 @@ def plausible(
     """The model without effects that want to be what they can't be beside the newest, and what is refused next.
 
     Beside what comes in later an effect that had to go may be what it can be. What came in now, and explains less than
-    what it drives out, has to go itself: then the model is the one `before`.
+    what it drives out, has to go itself: then the model is the one `before`. A grade that no gyro feels is as smooth as
+    it is beside the newest.
     """
     new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
     if not wrong:
+        felt = best.felt.smoothed_anew()
+        if felt is not None:
+            best = fitted(drive, rows, best.x, best.effects, tolerance, each=each, felt=felt)
         return best, wrong
     rest = without(drive, rows, best, tolerance, wrong, each)
     # Neither is the larger one: each is held against the other by its own independent rows.
@@ -117,14 +121,28 @@ def plausible(
     return rest, wrong
 
 
+def unfelt_roads(drive: Drive) -> list[str]:
+    """Roads that an accelerometer shows by itself, where no gyro feels them."""
+    return [*(["road_bank"] if is_unfelt(drive) else []), *(["road_grade"] if climbs_unfelt(drive) else [])]
+
+
+def worth_now(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
+) -> dict[str, float]:
+    """What was gained, of such a road what it gains beside all that came after: what is quick hides a hill."""
+    mine = {effect: gains[effect] for effect in best.effects}
+    for road in set(unfelt_roads(drive)) & set(best.effects):
+        mine[road] = max(mine[road], gained(drive, without(drive, rows, best, tolerance, (road,), each), best))
+    return mine
+
+
 def without_trifles(
     drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
 ) -> Fit:
     """What came early has to gain its share of all that was gained in the end, too."""
     mine = {effect: gains[effect] for effect in best.effects}
     # An accelerometer's own road would hide there what is not said.
-    own = [*(["road_bank"] if is_unfelt(drive) else []), *(["road_grade"] if climbs_unfelt(drive) else [])]
-    hidden = {road for road in own if mine.get(road, 0.0) < TOLD_PROFILE * TOLD_GAIN}
+    hidden = {road for road in unfelt_roads(drive) if mine.get(road, 0.0) < TOLD_PROFILE * TOLD_GAIN}
     trifles = [
         effect
         for effect in best.effects

@@ -10,6 +10,7 @@ how the car moves, and nothing of where it is: neither what is quick nor what ch
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -105,6 +106,12 @@ class Climb:
     def __init__(self, drive: Drive) -> None:
         self._way = way_of(drive)
         self._place: ByPlace | None = None
+
+    def anew(self) -> Climb:
+        """The same way, as smooth as it is at the next look."""
+        found = copy(self)
+        found._place = None
+        return found
 
     def up_rad(self, left_mps2: Floats, shown_mps2: float) -> Floats:
         """Grade (n,) of what is left on a level road (n,), where a radian shows as so much."""

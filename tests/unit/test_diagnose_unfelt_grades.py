@@ -32,9 +32,11 @@ THREE = (0, 1, 5)
 INSIDE = slice(200, -200)
 
 
-def climbing(left_out: dict[str, float], grade: np.ndarray = HILLS, without: tuple[int, ...] = THREE) -> Drive:
+def climbing(
+    left_out: dict[str, float], grade: np.ndarray = HILLS, without: tuple[int, ...] = THREE, v: np.ndarray = CITY_V
+) -> Drive:
     """A noisy drive on that road, by the kernel itself, without these channels."""
-    level = drive({}, CITY_V, CITY_STEER)
+    level = drive({}, v, CITY_STEER)
     x = nothing()
     for name, value in left_out.items():
         x[INDEX[name]] = value
@@ -85,6 +87,20 @@ def test_what_else_is_left_out_is_named_beside_it(other: dict[str, float]) -> No
     for key, value in other.items():
         place = search.best.columns.index(INDEX[key])
         assert abs(search.best.x[INDEX[key]] - value) < 3.0 * search.best.std[place]
+
+
+def test_a_hill_that_a_dive_hides_is_told_once_the_dive_is() -> None:
+    """Pedals are quick: as long as nothing tells what they do, no smooth road is seen."""
+    v = CITY_V + 0.7 * np.sin(2.3 * T)
+    way_m = DT_S * np.cumsum(v)
+    hills = 0.03 * np.sin(2.0 * np.pi * way_m / 250.0) + 0.02 * np.sin(2.0 * np.pi * way_m / 170.0 + 1.0)
+    dives = {"suspension_pitch.pitch_gradient_rad_per_mps2": 0.012}
+    search = found(climbing(dives, hills, v=v))
+    assert set(search.best.effects) == {"road_grade", "suspension_pitch"}
+    assert search.gains["road_grade"] > 40.0
+    assert np.std((on_road(search.best.road, search.best.x).grade_rad - hills)[INSIDE]) < np.radians(0.3)
+    place = search.best.columns.index(INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"])
+    assert search.best.x[search.best.columns[place]] == pytest.approx(0.012, abs=3.0 * search.best.std[place])
 
 
 @pytest.mark.parametrize(
