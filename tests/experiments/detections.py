@@ -3,6 +3,7 @@
     python tests/experiments/detections.py [--scenario city] [--seed 2] [--sizes 1,0.3,0.1] [--jobs 2] [EFFECT ...]
     python tests/experiments/detections.py --together 2 --drives 12 [EFFECT ...]
     python tests/experiments/detections.py --nulls 200
+    python tests/experiments/detections.py --other --three --sizes 1,0.3
 
 Each is put into the nominal world (`dsz simulate --nominal --effect NAME:...`, cut after --seconds), so that it is all
 there is to find. Size 1 is what `--effect NAME` alone has, smaller ones are nearer to nothing in proportion. Of nulls
@@ -17,7 +18,7 @@ import json
 import random
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import other_cars
+import yaml
 
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.prove import sizes
@@ -32,19 +34,24 @@ from dsz_daemon.runs.diagnose import diagnose
 from dsz_daemon.runs.simulate import simulate
 from dsz_daemon.sim.effects import EFFECTS
 
+_SIX_ONLY = ("gyro_x", "gyro_y", "accel_z")
 _LOW_FRICTION = {"start_s": 50.0, "end_s": 95.0}
 # Effects that have no sizes, or turn the car as others do at these speeds: not in pairs.
 _ALONE = {"axis_fault", "low_friction", "mass_loading", "cornering_stiffness", "steering_compliance", "tyre_saturation"}
 
 
 class Case(NamedTuple):
-    """One drive: what is in it, in the words of `--effect`; of the project's own simulated car or of another."""
+    """One drive: what is in it, in the words of `--effect`; of the project's own simulated car or of another.
+
+    `three`: the IMU has a yaw gyro, a_x and a_y, and no more.
+    """
 
     scenario: str
     seed: int
     seconds: float
     effects: tuple[str, ...]
     other: bool
+    three: bool = False
 
 
 class Answer(NamedTuple):
@@ -84,11 +91,20 @@ def diagnosed(case: Case) -> Answer:
         else:
             simulate(case.scenario, folder, case.seed, None, list(case.effects), from_nominal=True)
             cut(folder / "recording.log", case.seconds)
+        if case.three:
+            without(folder / "config.yaml", _SIX_ONLY)
         begun = time.monotonic()
         found = diagnose([folder / "recording.log"], folder / "config.yaml", folder / "out")
         took_s = time.monotonic() - begun
         fitted = read_samples(folder / "out" / "fit.parquet")
         return Answer(found, _off(found, planted), _profile(found, fitted, profiles), _overlap(found, planted), took_s)
+
+
+def without(config: Path, channels: Collection[str]) -> None:
+    """Takes channels out of a configuration."""
+    settings = yaml.safe_load(config.read_text(encoding="utf-8"))
+    settings["signals"] = {role: value for role, value in settings["signals"].items() if role not in channels}
+    config.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
 
 def numbers(effects: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -209,7 +225,9 @@ def singles(asked: argparse.Namespace, pool: Executor) -> None:
         for size in sizes:
             words = at_size(effect, size, asked.other)
             seed = asked.seed + (100 * number if asked.other else 0)
-            case = None if words is None else Case(asked.scenario, seed, asked.seconds, (words,), asked.other)
+            case = (
+                None if words is None else Case(asked.scenario, seed, asked.seconds, (words,), asked.other, asked.three)
+            )
             row.append(None if case is None else pool.submit(diagnosed, case))
         running.append((effect, row))
     for effect, futures in running:
@@ -250,7 +268,7 @@ def together(asked: argparse.Namespace, pool: Executor) -> None:
     def case(number: int, effects: Sequence[str]) -> Case:
         words = [at_size(name, 1.0, asked.other) for name in effects]
         there = tuple(one for one in words if one is not None)
-        return Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other)
+        return Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other, asked.three)
 
     running = [(effects, pool.submit(diagnosed, case(number, effects))) for number, effects in enumerate(drawn)]
     named, more_than, tally = 0, 0, Tally()
@@ -275,7 +293,7 @@ def nulls(asked: argparse.Namespace, pool: Executor) -> None:
         front, rear = (round(1.0 + rng.uniform(-0.08, 0.08), 3) for _ in range(2))
         stiffness = f"cornering_stiffness:front_scale={front},rear_scale={rear}"
         there = (stiffness,) if number % 2 else ()
-        case = Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other)
+        case = Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other, asked.three)
         running.append((case, pool.submit(diagnosed, case)))
     alarms, tally = 0, Tally()
     for case, future in running:
@@ -292,6 +310,7 @@ def main() -> None:
     parser.add_argument("effects", nargs="*", metavar="EFFECT")
     parser.add_argument("--scenario", default="city")
     parser.add_argument("--other", action="store_true", help="cars of other_cars.py")
+    parser.add_argument("--three", action="store_true", help="a yaw gyro, a_x and a_y are all channels")
     parser.add_argument("--unlisted", action="store_true", help="what has no name (of other cars)")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=150.0)
