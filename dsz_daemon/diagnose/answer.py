@@ -27,6 +27,7 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
@@ -49,6 +50,8 @@ _UNTOLD_FACTOR = 0.005
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
+# Of roads without their gyros.
+_UNFELT = {"road_bank": "how the car yaws on it", "road_grade": "the accelerometer, as a function of place"}
 # Of a moment: so uncertain that no spread is stated.
 _NEVER_S = 100.0
 # As the contract has them: true over configured, which is 1 where nothing is left out.
@@ -161,6 +164,8 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
     if effect == "wheel_radius" and _shares_a_factor(found):
         words += ", but for a factor that all share, which this drive does not tell"
+    if effect in unfelt_roads(found.drive):
+        words += f", which no gyro feels: told by {_UNFELT[effect]}"
     odds = sum(float(one["probability"]) for one in others if one["effect"] not in group)
     return Cause(
         effect,

@@ -71,6 +71,10 @@ def test_a_bank_is_named_by_how_the_car_yaws_on_it() -> None:
     assert np.std(off[ROLLING]) < np.radians(0.15)
     said = answered(search)
     assert said.verdict == "explained"
+    assert said.causes[0].statement.endswith("which no gyro feels: told by how the car yaws on it")
+    felt = answered(found(banked({}, without=()))).causes[0]
+    assert felt.effect == "road_bank"
+    assert "gyro" not in felt.statement
     assert said.causes[0].parameters["rms_rad"].value == pytest.approx(np.std(BANK), rel=0.1)
 
 

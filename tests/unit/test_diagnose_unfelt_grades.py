@@ -64,6 +64,7 @@ def test_hills_are_named_and_are_as_they_are() -> None:
     assert np.std(off[INSIDE]) < np.radians(0.15)
     said = answered(search)
     assert said.verdict == "explained"
+    assert said.causes[0].statement.endswith("which no gyro feels: told by the accelerometer, as a function of place")
     assert said.causes[0].parameters["rms_rad"].value == pytest.approx(np.std(HILLS), rel=0.1)
     # What is told of unseen blocks is what other places tell of them, not what the accelerometer itself has.
     told = goodness(search)["accel_x"]
