@@ -164,7 +164,7 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
     if effect == "wheel_radius" and _shares_a_factor(found):
         words += ", but for a factor that all share, which this drive does not tell"
-    if effect in unfelt_roads(found.drive):
+    if effect in _UNFELT and effect in unfelt_roads(found.drive):
         words += f", which no gyro feels: told by {_UNFELT[effect]}"
     odds = sum(float(one["probability"]) for one in others if one["effect"] not in group)
     return Cause(

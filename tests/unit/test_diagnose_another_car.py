@@ -32,7 +32,8 @@ ANOTHER = {
 def test_another_cars_numbers_are_told_and_need_no_names() -> None:
     one, said = drive(ANOTHER, CITY_V, CITY_STEER), list[str]()
     names = searched(one, rows_of(one), TOLERANCE)
-    assert "accel_scale" in names.best.effects
+    # Weak sensors or shapes, of which nothing is there.
+    assert {"gyro_z: k*r*|r|", "accel_scale"} & set(names.best.effects)
     found, gain = with_own_numbers(one, names, TOLERANCE, said.append)
     assert any("all numbers of the car" in words for words in said)
     assert gain > 100.0

@@ -293,7 +293,7 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
 
     def told(gain: float, left: float, effect: str = "gyro_scale") -> Any:
-        drive = SimpleNamespace(vocabulary=BUILT_IN)
+        drive = SimpleNamespace(vocabulary=BUILT_IN, measured=np.zeros((2, 13)))
         search: Any = SimpleNamespace(drive=drive, best=None, gains={effect: gain}, elsewhere={effect: {}})
         return answer._cause(search, effect, left)
 

@@ -145,7 +145,9 @@ def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(untested.searching, "slopes_of", slopes_of)
     best = SimpleNamespace(effects=(), scatter=scatter, per_row=np.ones(13))
-    search: Any = SimpleNamespace(drive=SimpleNamespace(vocabulary=BUILT_IN), rows=rows, best=best)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN, measured=np.zeros((2, 13))), rows=rows, best=best
+    )
     told = {one["effect"] for one in untested.untested(search, map)}
     assert ("gyro_scale" not in told) is is_tested
     assert "accel_scale" in told

@@ -80,7 +80,7 @@ def test_normal_equations_are_those_of_what_a_fit_loses_by_bends() -> None:
     bent = bends(one, felt(x), x)
     found, usual = leaning(slopes_of_bends(one, felt, x, bent), bent), roughness(bent)
     names = [one.vocabulary.columns[i][1].name for i in found.columns]
-    assert names == ["roll_gradient_rad_per_mps2", "frequency_share", "damping"]
+    assert names == ["roll_gradient_rad_per_mps2", "frequency_share", "damping", "above_m"]
 
     def lost(by: float) -> float:
         there = leant(0.008 + by)
@@ -356,4 +356,4 @@ def test_what_is_learnt_of_a_lean_beside_a_bank_is_how_it_bends(two_fits: tuple[
     assert found.is_exact
     known = none + 1.0
     assert slope.learnt(here, known).slopes is known
-    assert slope._replace(leans=False).learnt(here).bends.shape == (0, 3)
+    assert slope._replace(leans=False).learnt(here).bends.shape == (0, 4)
