@@ -9,7 +9,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, N, drive, found
 
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.effects import INDEX, Parameter
-from dsz_daemon.diagnose.mounts import as_offsets_else, untold_turns
+from dsz_daemon.diagnose.mounts import as_drawn_rad, as_offsets_else, untold_turns
 from dsz_daemon.diagnose.prediction import Drive, flat, gyros_of, nothing, predicted
 
 TURNS = {"roll_rad": -0.047, "pitch_rad": -0.045, "yaw_rad": 0.055}
@@ -88,3 +88,13 @@ def test_what_any_value_would_explain_is_nothing() -> None:
     assert as_offsets_else(parameters, {"xy": (0.03, 0.001), "xz": (-0.2, 0.31)}) == {
         "xy": (0.03, 0.001), "xz": (0.0, 0.31), "yz": (0.0, 0.2),
     }  # fmt: skip
+
+
+def test_an_order_of_turns_is_half_a_product_of_the_other_two() -> None:
+    x = nothing()
+    for name, value in TURNS.items():
+        x[INDEX[f"imu_misalignment.{name}"]] = value
+    roll, pitch, yaw = (INDEX[f"imu_misalignment.{name}"] for name in TURNS)
+    assert as_drawn_rad(x) == pytest.approx(
+        {roll: 0.5 * 0.045 * 0.055, pitch: 0.5 * 0.047 * 0.055, yaw: 0.5 * 0.047 * 0.045}
+    )

@@ -14,6 +14,7 @@ from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.motion import G
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import ALONG, Drive, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.smaller import without_trifles
 from dsz_daemon.diagnose.unfelt_grades import (
@@ -194,3 +195,10 @@ def test_a_grade_that_is_not_said_hides_nothing() -> None:
     for gain, effects in ((39.0, ()), (41.0, ("road_grade",))):
         rest = without_trifles(one, rows, with_it, TOLERANCE, {"road_grade": gain}, map)
         assert rest.effects == effects
+
+
+def test_a_scaled_accelerometer_shows_a_road_as_it_is() -> None:
+    x = nothing()
+    x[INDEX["accel_scale.x"]] = 0.15
+    one = climbing({"accel_scale.x": 0.15})
+    assert np.std((Felt(one, x, ("road_grade",))(x).grade_rad - HILLS)[INSIDE]) < np.radians(0.15)
