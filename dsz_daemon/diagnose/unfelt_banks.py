@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.rolling import Rolling
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 ROLL_GYRO, YAW_GYRO, ACROSS = 0, 2, 4
-_SCALE, _OFFSET = INDEX["accel_scale.y"], INDEX["offset_accel_y"]
+_SCALE = INDEX["accel_scale.y"]
 # How the car slides to a bank is some hundredths of it: as it would to the last round's.
 _ROUNDS = 2
 

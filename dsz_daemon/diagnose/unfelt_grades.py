@@ -10,18 +10,21 @@ how the car moves, and nothing of where it is: neither what is quick nor what ch
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import BLOCK_S, Ints, Rows
+from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, Ints, Rows
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 
 PITCH_GYRO = 1
+# So far apart are the roads of two recordings.
+_ELSEWHERE_M = 1e6
 # What is averaged; no more of them than a matrix may have rows.
 _CELL_S, _MOST_CELLS = 0.48, 400
 # How far a road looks alike, and the noise over what the road does: whichever leaves the least on unseen blocks.
@@ -32,17 +35,27 @@ _TURNS, _TURN = 3, 0.5
 
 
 def climbs_unfelt(drive: Drive) -> bool:
-    """Whether there is no pitch gyro, but a longitudinal accelerometer."""
-    return bool(np.isnan(drive.measured[:, PITCH_GYRO]).all() and np.isfinite(drive.measured[:, ALONG]).any())
+    """Whether there is no pitch gyro, but an accelerometer that shows something as the car rolls."""
+    return bool(np.isnan(drive.measured[:, PITCH_GYRO]).all() and _shows_on_the_way(drive).any())
+
+
+def _shows_on_the_way(drive: Drive) -> Bools:
+    rolls = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
+    return np.asarray(np.isfinite(drive.measured[:, ALONG]) & rolls)
 
 
 class Way(NamedTuple):
-    """The way driven (n,), m, and its cells: of each row (n,), -1 for none, where they are (c,), and their blocks."""
+    """The way driven (n,), m, and its cells: of each row (n,), -1 for none, where they are (c,), and their blocks.
+
+    `piece` (c,): whose recording a cell is of. Two are of roads that know nothing of each other, and IMUs that have
+    offsets of their own.
+    """
 
     at_m: Floats
     cell: Ints
     cells_m: Floats
     block: Ints
+    piece: Ints
 
 
 class ByPlace(NamedTuple):
@@ -55,22 +68,30 @@ class ByPlace(NamedTuple):
 def way_of(drive: Drive) -> Way:
     """Cells of half a second in which the car rolls and the accelerometer shows something."""
     v = np.nan_to_num(np.mean(drive.wheels, axis=1))
-    at_m = np.cumsum(np.maximum(v, 0.0)) * DT_S
-    time_s = DT_S * np.arange(len(v))
-    there = np.isfinite(drive.measured[:, ALONG]) & (v > motion.ROLLING_MPS)
+    piece = np.zeros(len(v), dtype=np.int64) if drive.recording.piece is None else drive.recording.piece
+    at_m: Floats = np.cumsum(np.maximum(v, 0.0)) * DT_S + _ELSEWHERE_M * piece
+    time_s: Floats = DT_S * np.arange(len(v), dtype=np.float64)
+    there = _shows_on_the_way(drive)
     size_s = max(_CELL_S, float(time_s[-1]) / _MOST_CELLS)
     cell = np.full(len(v), -1, dtype=np.int64)
-    _, cell[there] = np.unique((time_s[there] / size_s).astype(np.int64), return_inverse=True)
-    count = np.maximum(np.bincount(cell[there]), 1)
-    middle_s = np.bincount(cell[there], time_s[there]) / count
-    return Way(at_m, cell, np.bincount(cell[there], at_m[there]) / count, (middle_s / BLOCK_S).astype(np.int64))
+    # None is of two recordings.
+    _, first, cell[there] = np.unique(
+        (time_s[there] / size_s).astype(np.int64) + piece[there] * len(v), return_index=True, return_inverse=True
+    )
+    middle_s, cells_m = _means_of(cell[there], time_s[there]), _means_of(cell[there], at_m[there])
+    return Way(at_m, cell, cells_m, (middle_s / BLOCK_S).astype(np.int64), piece[there][first])
 
 
 def cell_means(way: Way, values: Floats) -> Floats:
-    """Of values (n,) the means of each cell (c,), their own mean taken off: that is an offset's."""
+    """Of values (n,) the means of each cell (c,), the mean of its recording taken off: that is an offset's."""
     there = way.cell >= 0
-    means = np.bincount(way.cell[there], values[there]) / np.bincount(way.cell[there])
-    return np.asarray(means - np.mean(means))
+    means = _means_of(way.cell[there], values[there])
+    return means - _means_of(way.piece, means)[way.piece]
+
+
+def _means_of(group: Ints, values: Floats) -> Floats:
+    """The mean of the values of each group."""
+    return np.asarray(np.bincount(group, values) / np.maximum(np.bincount(group), 1))
 
 
 def by_place(way: Way, means: Floats) -> ByPlace:
@@ -127,19 +148,27 @@ class Climb:
         told = along_the_way(self._way, means - place.unseen @ means)
         used = rows.used[:, ALONG]
         off = np.where(used, (left_mps2 - told)[rows.at], 0.0)
-        off[used] -= np.mean(off[used])
+        piece = np.zeros(len(used), dtype=np.int64) if rows.piece is None else rows.piece
+        off[used] -= _means_of(piece[used], off[used])[piece[used]]
         squares: Floats = np.bincount(rows.block, off**2, minlength=int(rows.block[-1]) + 1).astype(np.float64)
         return squares, float(correlated_rows(off[:, np.newaxis], used[:, np.newaxis])[0])
 
 
 def rises_and_falls(way: Way, grade_rad: Floats) -> bool:
-    """Whether a road turns from up to down and back as often as one does."""
-    least, turns, rising = _TURN * float(np.std(grade_rad[way.cell >= 0])), 0, 0
-    low = high = float(grade_rad[0])
-    for value in grade_rad[way.cell >= 0].tolist():
+    """Whether a road turns from up to down and back as often as one does, recordings taken together."""
+    there = way.cell >= 0
+    grade_rad, piece = grade_rad[there], way.piece[way.cell[there]]
+    least = _TURN * float(np.std(grade_rad))
+    return sum(_turns(grade_rad[piece == k].tolist(), least) for k in np.unique(piece)) >= _TURNS
+
+
+def _turns(values: Sequence[float], least: float) -> int:
+    """How often the values turn from rising to falling or back, each time by `least` or more."""
+    turns, rising, low, high = 0, 0, values[0], values[0]
+    for value in values:
         low, high = min(low, value), max(high, value)
         if rising <= 0 and value > low + least:
             turns, rising, high = turns + (rising < 0), 1, value
         elif rising >= 0 and value < high - least:
             turns, rising, low = turns + (rising > 0), -1, value
-    return turns >= _TURNS
+    return turns

@@ -5,18 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+from test_diagnose_unfelt_banks import all_named_beside, tilted
 
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.goodness import goodness
+from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of
 from dsz_daemon.diagnose.motion import G
 from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import ALONG, Drive, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.prediction import ALONG, Drive, nothing, on_road
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.smaller import without_trifles
+from dsz_daemon.diagnose.smaller import without_trifles, worth_now
 from dsz_daemon.diagnose.unfelt_grades import (
     along_the_way,
     by_place,
@@ -36,16 +39,7 @@ INSIDE = slice(200, -200)
 def climbing(
     left_out: dict[str, float], grade: np.ndarray = HILLS, without: tuple[int, ...] = THREE, v: np.ndarray = CITY_V
 ) -> Drive:
-    """A noisy drive on that road, by the kernel itself, without these channels."""
-    level = drive({}, v, CITY_STEER)
-    x = nothing()
-    for name, value in left_out.items():
-        x[INDEX[name]] = value
-    noise = level.measured[:, :9] - predicted(level, nothing(), flat(N))[:, :9]
-    measured = level.measured.copy()
-    measured[:, :9] = predicted(level, x, flat(N)._replace(grade_rad=grade))[:, :9] + noise
-    measured[:, without] = np.nan
-    return level._replace(measured=measured)
+    return tilted(left_out, without, v, grade_rad=grade)
 
 
 def showing(more_mps2: np.ndarray, without: tuple[int, ...] = THREE) -> Drive:
@@ -83,12 +77,7 @@ def test_hills_are_named_and_are_as_they_are() -> None:
     ],
 )
 def test_what_else_is_left_out_is_named_beside_it(other: dict[str, float]) -> None:
-    search = found(climbing(other))
-    [name] = {key.partition(".")[0] for key in other}
-    assert sorted(search.best.effects) == sorted(("road_grade", name))
-    for key, value in other.items():
-        place = search.best.columns.index(INDEX[key])
-        assert abs(search.best.x[INDEX[key]] - value) < 3.0 * search.best.std[place]
+    all_named_beside(climbing(other), "road_grade", other)
 
 
 def test_a_hill_that_a_dive_hides_is_told_once_the_dive_is() -> None:
@@ -197,8 +186,83 @@ def test_a_grade_that_is_not_said_hides_nothing() -> None:
         assert rest.effects == effects
 
 
-def test_a_scaled_accelerometer_shows_a_road_as_it_is() -> None:
-    x = nothing()
-    x[INDEX["accel_scale.x"]] = 0.15
-    one = climbing({"accel_scale.x": 0.15})
+@pytest.mark.parametrize("left_out", [{"accel_scale.x": 0.15}, {"imu_delay.delay_s": 0.5}])
+def test_by_an_imu_as_it_is_the_road_is_as_it_is(left_out: dict[str, float]) -> None:
+    one, x = climbing(left_out), nothing()
+    for name, value in left_out.items():
+        x[INDEX[name]] = value
     assert np.std((Felt(one, x, ("road_grade",))(x).grade_rad - HILLS)[INSIDE]) < np.radians(0.15)
+
+
+def test_what_is_quick_is_no_part_of_a_road() -> None:
+    """0.2 m/s2 would be 1.2 degrees."""
+    one = climbing({})
+    one.measured[:, ALONG] += 0.2 * np.sign(np.sin(9.0 * T))
+    assert np.std((Felt(one, nothing(), ("road_grade",))(nothing()).grade_rad - HILLS)[INSIDE]) < np.radians(0.4)
+
+
+def test_manoeuvres_are_no_judges_of_what_is_taken_from_the_accelerometer_itself() -> None:
+    one = climbing({})
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), (), TOLERANCE)
+    there = fitted(one, rows, before.x, ("road_grade",), TOLERANCE)
+    assert gained(one, before, there) > 40.0
+    assert "manoeuvres" in rows.together
+    assert abs(gained(one, before, there, kind="manoeuvres")) < 10.0
+
+
+def test_what_a_hill_gains_is_what_it_gains_in_the_end_if_that_is_more() -> None:
+    one = climbing({})
+    rows = rows_of(one)
+    there = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    now = worth_now(one, rows, there, TOLERANCE, {"road_grade": 1.0}, map)["road_grade"]
+    assert now > 40.0
+    assert worth_now(one, rows, there, TOLERANCE, {"road_grade": 1e6}, map) == {"road_grade": 1e6}
+    felt = climbing({}, without=())
+    there = fitted(felt, rows_of(felt), nothing(), ("road_grade",), TOLERANCE)
+    assert worth_now(felt, rows_of(felt), there, TOLERANCE, {"road_grade": 1.0}, map) == {"road_grade": 1.0}
+
+
+def test_what_another_instrument_leaves_is_no_doubt_of_a_hill() -> None:
+    """A yaw gyro with a hysteresis, which nothing explains: of what the car does it makes one doubt, not of this."""
+    one = climbing({})
+    one.measured[:, 2] += 0.03 * np.sign(np.sin(2.1 * T))
+    search = found(one)
+    assert "road_grade" in search.best.effects
+    unexplained = unexplained_of(search, level_of(search))
+    assert "gyro_z" in unexplained
+    assert 40.0 < search.gains["road_grade"] < 40.0 * doubt(search, unexplained)
+    said = answered(search)
+    assert [cause.effect for cause in said.causes] == ["road_grade"]
+    assert said.verdict == "partly_explained"
+
+
+def test_recordings_tell_nothing_of_each_others_roads_and_offsets_are_no_hills() -> None:
+    """Four starts, each with another offset and a sensor that warms up."""
+    piece = np.repeat([0, 1, 2, 3], N // 4)
+    more = np.array([0.1, -0.1, 0.1, -0.1])[piece] + 0.3 * np.exp(-(T % 15.0) / 4.0)
+    one = showing(more)
+    one = one._replace(recording=one.recording._replace(piece=piece))
+    way = way_of(one)
+    assert np.array_equal(np.unique(way.piece), [0, 1, 2, 3])
+    means = cell_means(way, more)
+    assert [abs(float(np.mean(means[way.piece == k]))) < 1e-12 for k in range(4)] == [True] * 4
+    assert not rises_and_falls(way, along_the_way(way, means))
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    assert is_implausible(one, rows, fit, "road_grade")
+    # Another's readings change nothing of a recording's own road.
+    road = by_place(way, means).smooth
+    other = means.copy()
+    other[way.piece == 1] += 1.0
+    assert np.allclose((road @ other)[way.piece == 2], (road @ means)[way.piece == 2], atol=1e-9)
+
+
+def test_an_accelerometer_that_shows_something_at_rest_alone_feels_no_road() -> None:
+    stops = CITY_V * (T < 30.0)
+    one = drive({}, stops, CITY_STEER * (T < 30.0))
+    one.measured[:, THREE] = np.nan
+    assert climbs_unfelt(one)
+    one.measured[:3200, ALONG] = np.nan
+    assert not climbs_unfelt(one)
+    assert answered(found(one)).causes == []
