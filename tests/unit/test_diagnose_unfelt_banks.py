@@ -10,7 +10,7 @@ from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.gains import gained, puts_right
 from dsz_daemon.diagnose.motion import G
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, on_road, predicted
@@ -139,6 +139,7 @@ def test_what_the_accelerometer_shows_by_itself_is_no_bank(wave: np.ndarray) -> 
     assert is_implausible(one, rows, there, "road_bank")
     # The accelerometer itself, whose all is taken, is no judge.
     assert gained(one, before, there) < 0.0
+    assert not puts_right(one, before, there)
     true = banked({})
     rows = rows_of(true)
     before = fitted(true, rows, nothing(), (), TOLERANCE)

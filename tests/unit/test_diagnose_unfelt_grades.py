@@ -198,7 +198,7 @@ def test_what_is_quick_is_no_part_of_a_road() -> None:
     """0.2 m/s2 would be 1.2 degrees."""
     one = climbing({})
     one.measured[:, ALONG] += 0.2 * np.sign(np.sin(9.0 * T))
-    assert np.std((Felt(one, nothing(), ("road_grade",))(nothing()).grade_rad - HILLS)[INSIDE]) < np.radians(0.4)
+    assert np.std((Felt(one, nothing(), ("road_grade",))(nothing()).grade_rad - HILLS)[INSIDE]) < np.radians(0.1)
 
 
 def test_manoeuvres_are_no_judges_of_what_is_taken_from_the_accelerometer_itself() -> None:
