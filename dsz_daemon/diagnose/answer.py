@@ -11,7 +11,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import Each, Ints, own_offsets
+from dsz_daemon.diagnose.comparison import Each, own_offsets
 from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
@@ -22,12 +22,13 @@ from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, driven, on_road, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.smaller import unfelt_roads
+from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
@@ -115,7 +116,7 @@ def _offsets_beside(found: Search, turned: bool) -> dict[str, tuple[float, float
     """The same, with what gravity makes of a `turned` mount in them or not."""
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
-    bank, grade = _told_road(found)[1]
+    bank, grade = told_road(found.best, found.rows)[1]
     roll, pitch = (found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]] if turned else 0.0 for axis in ("roll", "pitch"))
     for name, tilt_rad in (("offset_accel_x", grade - pitch), ("offset_accel_y", bank + roll)):
         value, std = offsets[name]
@@ -252,12 +253,9 @@ def _another_car(errors: Sequence[ParameterError], gain: float) -> list[Cause]:
 
 def _values(found: Search, effect: str) -> Told:
     """(value, spread) of an effect's parameters; of a profile its rms over what was driven."""
-    profiles = _told_road(found)[0]
-    profile = {
-        "road_bank": ("rms_rad", profiles.bank_rad),
-        "road_grade": ("rms_rad", profiles.grade_rad),
-        "side_wind": ("rms_n", profiles.side_n),
-    }.get(effect)
+    profile = rms_told(found.drive, found.rows, found.best, effect)
+    if profile is not None:
+        return profile
     values: Told = dict(values_of(found.drive, found.best, effect))
     if effect in BY_GRAVITY:
         values = as_offsets_else(found.drive.vocabulary.described(effect).parameters, values)
@@ -268,10 +266,7 @@ def _values(found: Search, effect: str) -> Told:
         mean, spread = over_shapes(*_front_share(found, effect))
         square /= mean * mean
         values["inverse_square"] = (square, math.hypot((std or 0.0) / mean**2, 2.0 * square * spread / mean))
-    if profile is None:
-        return values
-    name, course = profile
-    return {name: (float(np.sqrt(np.mean(course[_driven(found)] ** 2))), None)}
+    return values
 
 
 def _of_radii(found: Search) -> tuple[Floats, Floats]:
@@ -297,20 +292,6 @@ def _apart(found: Search, values: Told) -> Told:
     apart = against @ radii
     spread = np.hypot(np.sqrt(np.diag(against @ covariance @ against.T)), OF_ITSELF * apart)
     return dict(zip(values, zip(apart.tolist(), spread.tolist(), strict=True), strict=True))
-
-
-def _driven(found: Search) -> Ints:
-    return np.unique(found.rows.at[found.rows.used.any(axis=1)])
-
-
-def _told_road(found: Search) -> tuple[Profiles, tuple[float, float]]:
-    """The road of the best model, and how much bank and grade (rad) were taken off it for being the same all the way.
-
-    A road that tilts evenly is the same as an offset of its accelerometer: it is told as one.
-    """
-    road, at = on_road(found.best.road, found.best.x), _driven(found)
-    bank, grade = float(np.mean(road.bank_rad[at])), float(np.mean(road.grade_rad[at]))
-    return road._replace(bank_rad=road.bank_rad - bank, grade_rad=road.grade_rad - grade), (bank, grade)
 
 
 def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
@@ -382,7 +363,7 @@ def parameter_errors(found: Search, each: Each) -> list[ParameterError]:
 def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
     """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
     drive, best = found.drive, found.best
-    road = _told_road(found)[0]
+    road = told_road(found.best, found.rows)[0]
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
     if found.rows.piece is not None and drive.recording.piece is not None:

@@ -13,10 +13,10 @@ from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
 from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats
-from dsz_daemon.diagnose.profiles import by_the_lean
 from dsz_daemon.diagnose.smooth_roads import bends, is_new_on_a_bank, smoother
 from dsz_daemon.diagnose.unfelt_banks import ACROSS, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
+from dsz_daemon.diagnose.winds import by_the_lean
 
 # A parameter more has to be paid for; one that the drive does not move is none.
 _A_PARAMETER = 3.0

@@ -167,15 +167,36 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
     def at(name: str) -> float:
         return float(x[INDEX[name]])
 
-    car = drive.car
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
+    model = car_of(drive, x)
+    given = (rolls.steer_rad, rolls.v_mps, rolls.v_rate, rolls.front_mps, road.grip, road.side_n)
+    leaning = (road.bank_rad, road.grade_rad, road.lean_mps2)
+    m = moved(model, *given, *leaning, road.lean_share, rolls.front_free, rolls.rear_free, DT_S)
+    v, v_rate = rolls.v_mps, rolls.v_rate
+    if drive.front_gives_speed:
+        v = m[:, motion.SPEED].copy()
+        v_rate = rate_of(v, DT_S)
+    rear_track_m = drive.car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear"))
+    tracks_m = (model.front_track_m, rear_track_m)
+    wheels_mps = rolled(m, v, rolls.front_slip, rolls.rear_slip, model.cg_to_front_axle_m, *tracks_m, radii)
+    compared = _compared(drive, wheels_mps, _squares(x), at("wheel_speed_delay.delay_s"))
+    return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
+
+
+def car_of(drive: Drive, x: Floats) -> CarModel:
+    """What moves the car, for the parameters `x`."""
+
+    def at(name: str) -> float:
+        return float(x[INDEX[name]])
+
+    car = drive.car
     shift, added = at("mass_loading.cg_shift_m"), at("mass_loading.added_mass_kg")
     lf = car.cg_to_front_axle_m * (1.0 + at("cg_to_front_axle_m")) - shift
     lr = car.cg_to_rear_axle_m * (1.0 + at("cg_to_rear_axle_m")) + shift
     front = at("front_cornering_stiffness_n_per_rad") + at("cornering_stiffness.front_scale")
     rear = at("rear_cornering_stiffness_n_per_rad") + at("cornering_stiffness.rear_scale")
     front_track_m = car.front_track_m * (1.0 + at("front_track_m") + at("track_width.front"))
-    model = CarModel(
+    return CarModel(
         car.mass_kg * (1.0 + at("mass_kg")) + added,
         car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2")),
         lf,
@@ -202,17 +223,6 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         at("hasty_s"),
         at("load_height_m"),
     )
-    given = (rolls.steer_rad, rolls.v_mps, rolls.v_rate, rolls.front_mps, road.grip, road.side_n)
-    leaning = (road.bank_rad, road.grade_rad, road.lean_mps2)
-    m = moved(model, *given, *leaning, road.lean_share, rolls.front_free, rolls.rear_free, DT_S)
-    v, v_rate = rolls.v_mps, rolls.v_rate
-    if drive.front_gives_speed:
-        v = m[:, motion.SPEED].copy()
-        v_rate = rate_of(v, DT_S)
-    tracks_m = (front_track_m, car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear")))
-    wheels_mps = rolled(m, v, rolls.front_slip, rolls.rear_slip, lf, *tracks_m, radii)
-    compared = _compared(drive, wheels_mps, _squares(x), at("wheel_speed_delay.delay_s"))
-    return Moving(m, v, v_rate, compared, -shift, road, rolls)
 
 
 def _squares(x: Floats) -> Floats:
@@ -349,6 +359,13 @@ def smoothed(reads: Floats, x: Floats) -> Floats:
     if x[_FOLLOWS] > 0.0:
         reads = followed(reads, float(x[_FOLLOWS]), DT_S)
     return delayed(reads, float(x[_LATE]), DT_S) if x[_LATE] > 0.0 else reads
+
+
+def in_time(told: Floats, x: Floats) -> Floats:
+    """What there was (n,), of what an IMU told that is late and follows slowly: T y' = x - y."""
+    slowly_s = float(x[_FOLLOWS])
+    there = told + slowly_s * np.gradient(told, DT_S) if slowly_s > 0.0 else told
+    return earlier(there, float(x[_LATE]))
 
 
 def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:

@@ -7,7 +7,6 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
@@ -21,25 +20,23 @@ from dsz_daemon.diagnose.prediction import (
     correction,
     flat,
     gyros_of,
+    in_time,
     of_roll,
     predicted,
     rolls_of,
 )
-from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
-from dsz_daemon.diagnose.rolling import Rolling, earlier
+from dsz_daemon.diagnose.recording import DT_S, filtered, sharp_kernel
+from dsz_daemon.diagnose.rolling import Rolling
 from dsz_daemon.diagnose.unfelt_banks import bank_by_the_turn, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import Climb, climbs_unfelt
+from dsz_daemon.diagnose.winds import AGAIN, ROUNDS, by_the_lean, with_wind, with_wind_that_leans
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 _ACROSS = 4
 # A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
 # All of a road passes that bends up and down within two seconds.
-_ROAD_HZ, _REACH = 1.5, 100
-_ROAD_KERNEL = np.hamming(2 * _REACH + 1) * np.sinc(2.0 * _ROAD_HZ * DT_S * np.arange(-_REACH, _REACH + 1))
-_ROAD_KERNEL /= _ROAD_KERNEL.sum()
-# A force shows at once in the lateral acceleration; what the tyres answer comes after: slow wind takes rounds.
-_WIND_ROUNDS, _ROUGHLY, _AGAIN = 15, 9, 4
+_ROAD_KERNEL = sharp_kernel(1.5)
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
 # What makes another road of what the roll and pitch gyros show, and what tells of anything later than it was.
 _TURN_THE_GYROS = frozenset(
@@ -56,12 +53,8 @@ _AHEAD_SCALE = INDEX["accel_scale.x"]
 _SHOW_A_TURN = [INDEX["offset_gyro_z"], INDEX["offset_accel_y"]]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
-_WIND_LEANS, _WIND_AHEAD, _YAW = INDEX["side_wind.leans"], INDEX["side_wind.ahead_m"], 2
+_WIND_AHEAD, _YAW = INDEX["side_wind.ahead_m"], 2
 _AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
-# Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
-_ON_THE_BODY = 0.5
-# So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
-SOFT, _LEAN_ROUNDS, _SLOW_KERNEL = 0.004, 3, filter_kernel(6.0)
 
 
 class Felt:
@@ -92,11 +85,11 @@ class Felt:
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
-        leans_mps2 = self._lean_share * (_in_time(self._left_mps2, x) + self._tyres_mps2)
+        leans_mps2 = self._lean_share * (in_time(self._left_mps2, x) + self._tyres_mps2)
         road = self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
-        return _with_wind(self._drive, x, road, _AGAIN) if self.is_anew else road
+        return with_wind(self._drive, x, road, AGAIN) if self.is_anew else road
 
-    def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = _WIND_ROUNDS) -> Felt:
+    def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = ROUNDS) -> Felt:
         """The same road, as it is corrected in `x`, and the wind that is felt on it."""
         found, soft = copy(self), by_the_lean(x)
         found.is_anew = False
@@ -105,7 +98,7 @@ class Felt:
         if soft:
             found._lean_share = 0.0
         road = found(x)
-        there = _with_wind_that_leans(self._drive, x, road) if soft else _with_wind(self._drive, x, road, rounds)
+        there = with_wind_that_leans(self._drive, x, road) if soft else with_wind(self._drive, x, road, rounds)
         found._first = found._first._replace(side_n=there.side_n)
         return found
 
@@ -174,7 +167,7 @@ class Felt:
         if self._climb is not None:
             shown_mps2 = motion.G * (1.0 + float(x[_AHEAD_SCALE])) * leans_too(x, road.lean_share)[1]
             up_rad = self._climb.up_rad(self._left_along(road, alone), shown_mps2)
-            road = road._replace(grade_rad=_in_time(up_rad, x))
+            road = road._replace(grade_rad=in_time(up_rad, x))
         return road
 
     def _unfelt_bank(self, road: Profiles, x: Floats, alone: Floats) -> Floats:
@@ -187,7 +180,7 @@ class Felt:
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
             leant = leans_too(alone, road.lean_share)[0]
             bank = bank_by_the_turn(self._drive, alone, level, self._rolls(level, alone), _ROAD_KERNEL, leant)
-            self._banked = key, _in_time(bank, alone)
+            self._banked = key, in_time(bank, alone)
         return self._banked[1]
 
     def _left_along(self, road: Profiles, alone: Floats) -> Floats:
@@ -232,13 +225,6 @@ class Felt:
         return self._rolled[1]
 
 
-def _in_time(told: Floats, x: Floats) -> Floats:
-    """What there was (n,), of what an IMU told that is late and follows slowly: T y' = x - y."""
-    slowly_s = float(x[_LATE["sensor_bandwidth"]])
-    there = told + slowly_s * np.gradient(told, DT_S) if slowly_s > 0.0 else told
-    return earlier(there, float(x[_LATE["imu_delay"]]))
-
-
 def _with_tilt(
     x: Floats, road: Profiles, turning: Floats, corrections: tuple[Floats, Floats], banks: bool, climbs: bool
 ) -> Profiles:
@@ -251,7 +237,7 @@ def _with_tilt(
     more = [np.ascontiguousarray(np.broadcast_to(lean * c, n)) for lean, c in zip(leans, corrections, strict=True)]
     tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *gyros_of(x), banks, climbs)
     bank, slope = (
-        filtered(_in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
+        filtered(in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
         for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
     )
     return road._replace(bank_rad=bank, grade_rad=-slope)
@@ -278,61 +264,6 @@ def _left_over(drive: Drive, base: Floats) -> tuple[Floats, float]:
     return np.asarray(left), min(max(share, 0.0), 1.0)
 
 
-def _with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = _WIND_ROUNDS) -> Profiles:
-    """The side force that the lateral accelerometer has left over, of which the tyres' answer is taken away again."""
-    rolling, rolls = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS, rolls_of(drive, x, road)
-
-    def left_by(road: Profiles) -> tuple[Floats, float]:
-        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road, rolls)[:, _ACROSS])
-        left_mps2 = np.where(rolling, left_mps2, 0.0)
-        return left_mps2, float(np.sum(left_mps2**2))
-
-    (left_mps2, before), share = left_by(road), 1.0
-    for _ in range(rounds):
-        more_n = share * drive.car.mass_kg * _in_time(left_mps2, x)
-        more = road._replace(side_n=road.side_n + more_n)
-        left, after = left_by(more)
-        # Where tyres answer late, a round may take away more than there was: then smaller ones.
-        if after < before:
-            road, left_mps2, before = more, left, after
-        else:
-            share *= 0.5
-    return road
-
-
-def by_the_lean(x: Floats) -> bool:
-    """Whether the wind is what leans the body: what its tyres hold against it, a soft one shows first by its roll."""
-    return bool(x[_LEANS] > SOFT and x[_WIND_LEANS] > _ON_THE_BODY)
-
-
-def _with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
-    """The side force of which the lean is what the roll gyro has left over, slowly what the accelerometer has.
-
-    Tyres that answer at once hold all of it: v_y' + r v = 0, lean = -k F/m, and reading_y = g lean.
-    """
-    rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    force_per_lean, least, rolls = -drive.car.mass_kg / float(x[_LEANS]), math.inf, rolls_of(drive, x, road)
-    for _ in range(_LEAN_ROUNDS):
-        left = np.where(rolling[:, np.newaxis], np.nan_to_num(drive.measured - predicted(drive, x, road, rolls)), 0.0)
-        tilt, shown = np.cumsum(left[:, 0]) * DT_S, left[:, _ACROSS] / motion.G
-        lean = filtered(tilt + _slow_part(shown - tilt), _ROAD_KERNEL)
-        if (size := float(np.sum(lean**2))) > least:
-            break
-        least = size
-        road = road._replace(side_n=road.side_n + force_per_lean * np.where(rolling, _in_time(lean, x), 0.0))
-    return road
-
-
-def _slow_part(values: Floats) -> Floats:
-    """What a Gaussian leaves of the values (n,), which are reflected at both ends."""
-    reach = len(_SLOW_KERNEL) // 2
-    padded = np.pad(values, reach, mode="symmetric")
-    n = next_fast_len(len(padded), real=True)
-    smooth = np.fft.irfft(np.fft.rfft(padded, n) * np.fft.rfft(_SLOW_KERNEL, n), n)
-    # What comes before has gone round from the end to the beginning.
-    return np.asarray(smooth[2 * reach : len(padded)])
-
-
 def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], each: Each = map) -> float:
     """How far ahead of the C.G. the wind pushes, by which the yaw rate is told best: another place is another wind."""
     rolling = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
@@ -344,7 +275,7 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], 
     def left_at(ahead_m: float) -> float:
         there = x.copy()
         there[_WIND_AHEAD] = ahead_m
-        left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects, _ROUGHLY)(there))[:, _YAW]
+        left = drive.measured[:, _YAW] - predicted(drive, there, felt.blown(there, effects, AGAIN)(there))[:, _YAW]
         return float(np.nanvar(left[rolling]))
 
     # Every other place first, then those beside the best of these: the best of all, too, has one on each side.

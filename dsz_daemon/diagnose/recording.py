@@ -144,6 +144,13 @@ def filter_kernel(filter_s: float = FILTER_S) -> Floats:
     return np.asarray(weights / weights.sum(), dtype=np.float64)
 
 
+def sharp_kernel(cut_hz: float) -> Floats:
+    """A windowed sinc (k,) of three half-waves to each side: what is slower than the cut passes, no more."""
+    reach = round(1.5 / (cut_hz * DT_S))
+    kernel = np.hamming(2 * reach + 1) * np.sinc(2.0 * cut_hz * DT_S * np.arange(-reach, reach + 1))
+    return np.asarray(kernel / kernel.sum())
+
+
 def _kernel_of(signal: Signal | None) -> Floats:
     """The low-pass for a signal, less what joining its samples by straight lines smooths it by.
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dsz_daemon.diagnose.angles import SMALL_RAD, atan_of, cos_of, sin_of
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt
-from dsz_daemon.diagnose.profiles import _slow_part
 from dsz_daemon.diagnose.recording import filter_kernel
+from dsz_daemon.diagnose.winds import _slow_part
 
 # Spacings of double numbers: what two ways to round may differ by, and the first term that the arctangent leaves out,
 # x^15/15, which is 4.8 of them at 0.1 rad.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import aliases, answer, level
+from dsz_daemon.diagnose import aliases, answer, level, told_roads
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.said import Value
@@ -161,7 +161,7 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     told = answer._offsets(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
-    np.testing.assert_allclose(answer._told_road(search)[0].grade_rad, waves, atol=1e-5)
+    np.testing.assert_allclose(told_roads.told_road(best, rows)[0].grade_rad, waves, atol=1e-5)
     # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
     best.effects = ("road_grade", "imu_misalignment")
     best.x[[INDEX["imu_misalignment.roll_rad"], INDEX["imu_misalignment.pitch_rad"]]] = 0.03, 0.04
@@ -239,7 +239,6 @@ def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() 
     search.rows = search.best.road = None
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(answer, "values_of", lambda *_: values)
-        patched.setattr(answer, "_told_road", lambda _: (flat(1), (0.0, 0.0)))
         assert answer._values(search, "wheel_radius")["rl"][0] == pytest.approx(0.002)
     # Sure to 0.001: that the factor is nearly 1 is told then.
     assert not answer._shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
@@ -369,13 +368,14 @@ def test_a_mount_that_an_offset_takes_back_is_none(
     offsets[f"offset_{channel}"] = (sign * offset_mps2, 0.1)
     monkeypatch.setattr(answer, "_values", lambda *_: values)
     monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
-    monkeypatch.setattr(answer, "_told_road", lambda _: (None, (0.0, 0.0)))
+    monkeypatch.setattr(answer, "told_road", lambda *_: (None, (0.0, 0.0)))
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
     monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
         best=SimpleNamespace(x=x),
+        rows=None,
         gains={"imu_misalignment": gain},
         elsewhere={"imu_misalignment": {}},
     )

@@ -16,10 +16,11 @@ from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt, by_the_lean
+from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.screening import feels, screened
 from dsz_daemon.diagnose.search import Step, _enough_first, _rank, _rivals, _Trial, _two_at_once
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.winds import by_the_lean
 
 YAW, ACROSS = 2, 4
 ROLLS = {

@@ -11,7 +11,6 @@ from core_cases import TUCSON
 from scipy.signal import firwin, lfilter
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose import profiles
 from dsz_daemon.diagnose import recording as recordings
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import (
@@ -487,7 +486,7 @@ def test_the_filters_are_scipys() -> None:
     zi = (values[0] * (1.0 - share))[np.newaxis]
     expected = lfilter([share, 1.0 - keep - share], [1.0, -keep], values, axis=0, zi=zi)[0]
     np.testing.assert_allclose(followed(values, 0.05, DT_S), expected, atol=1e-12)
-    np.testing.assert_allclose(profiles._ROAD_KERNEL, firwin(201, 1.5, fs=1.0 / DT_S), atol=1e-15)
+    np.testing.assert_allclose(recordings.sharp_kernel(1.5), firwin(201, 1.5, fs=1.0 / DT_S), atol=1e-15)
 
 
 @pytest.mark.parametrize("accelerations_mps2", [2.5 * np.sin(0.8 * T), np.where(np.sin(0.8 * T) > 0.0, 3.0, -3.0)])

@@ -1,0 +1,74 @@
+"""What is told of the road and the air: their course without what is an offset as well, and its rms with a spread."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Ints, Rows
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
+
+_STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
+# A step to see by, in spreads: what is a square is not seen as one.
+_STEP = 0.1
+
+
+class _Rms(NamedTuple):
+    """Of one profile: what its rms is called, what of it no model has to the letter, and what else makes it another."""
+
+    name: str
+    form: float
+    beside: tuple[int, ...] = ()
+
+
+# A wind is told by what tyres make of it, and those of six simulations by other authors came out 5 to 15 % off
+# (docs/decisions/0050); a road by a gyro's integral.
+_RMS = {
+    "road_bank": _Rms("rms_rad", 0.03),
+    "road_grade": _Rms("rms_rad", 0.03),
+    "side_wind": _Rms("rms_n", 0.1, _STIFFNESSES),
+}
+
+
+def driven_rows(rows: Rows) -> Ints:
+    """Places of what is compared of any channel, on the recording's grid."""
+    return np.unique(rows.at[rows.used.any(axis=1)])
+
+
+def told_road(fit: Fit, rows: Rows) -> tuple[Profiles, tuple[float, float]]:
+    """The road of a model, and how much bank and grade (rad) were taken off it for being the same all the way.
+
+    A road that tilts evenly is the same as an offset of its accelerometer: it is told as one.
+    """
+    return _apart(on_road(fit.road, fit.x), driven_rows(rows))
+
+
+def _apart(road: Profiles, at: Ints) -> tuple[Profiles, tuple[float, float]]:
+    bank, grade = float(np.mean(road.bank_rad[at])), float(np.mean(road.grade_rad[at]))
+    return road._replace(bank_rad=road.bank_rad - bank, grade_rad=road.grade_rad - grade), (bank, grade)
+
+
+def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple[float, float | None]] | None:
+    """What a profile's rms over what was driven is called, with the rms and its spread; None of what is no profile."""
+    if effect not in _RMS:
+        return None
+    of, at = _RMS[effect], driven_rows(rows)
+
+    def rms(x: Floats, road: Profiles) -> float:
+        told = _apart(on_road(road, x), at)[0]
+        course = {"road_bank": told.bank_rad, "road_grade": told.grade_rad, "side_wind": told.side_n}[effect]
+        return float(np.sqrt(np.mean(course[at] ** 2)))
+
+    value = rms(fit.x, fit.road)
+    places = [fit.columns.index(i) for i in (*drive.vocabulary.columns_of(effect), *of.beside) if i in fit.columns]
+    covariance = fit.covariance[np.ix_(places, places)]
+    slopes, steps = np.zeros(len(places)), _STEP * np.sqrt(np.diag(covariance))
+    for k in np.flatnonzero(steps):
+        x = fit.x.copy()
+        x[fit.columns[places[k]]] += steps[k]
+        slopes[k] = (rms(x, fit.felt(x)) - value) / steps[k]
+    return {of.name: (value, math.hypot(math.sqrt(float(slopes @ covariance @ slopes)), of.form * value))}
