@@ -30,7 +30,7 @@ from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import is_shape, unlisted, wheel_shapes
+from dsz_daemon.diagnose.unlisted import is_shape, pull_shapes, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -83,7 +83,8 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     causes = [cause for cause in told if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
-    shapes = [*unlisted(found.drive, found.rows, found.best, found.shapes), *wheel_shapes(found.drive, found.best)]
+    shapes = unlisted(found.drive, found.rows, found.best, found.shapes)
+    shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     said = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(

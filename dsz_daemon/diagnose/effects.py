@@ -63,6 +63,7 @@ def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -
     return tuple(Parameter(name, unit, step, -most, most, least) for name in names.split())
 
 
+_AXES = "accel_x accel_y accel_z"
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
@@ -135,11 +136,11 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(
         "bias_drift",
         "Offsets move with time",
-        "reading += k t",
+        "reading += k T (1 - exp(-f t)) / (1 - exp(-f T)), of all of T k T",
         SENSORS,
         (
-            *_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6),
-            *_even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
+            *(*_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6), *_even(_AXES, "m/s2/s", 1e-3, 0.05, 1e-4)),
+            Parameter("fades_per_s", "1/s", 0.01, -0.02, 0.07, math.inf),
         ),
     ),
     Effect(
@@ -354,7 +355,7 @@ FORM = (
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
     *_even("hasty_s", "s", 0.002, 0.005, math.inf),
-    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 6e-4, math.inf),
+    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 5e-3, math.inf),
 )
 
 

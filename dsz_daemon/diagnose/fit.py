@@ -94,6 +94,8 @@ _INSTEAD_OF = {
 # What one wheel has, and not all of them: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
+# A car that goes to one side as it is driven does so by what drives it, which is what slows it at even speed.
+_COASTS_MPS2, _PULLS = 0.3, (INDEX["drive_steer"], INDEX["brake_steer"])
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
 
@@ -313,11 +315,14 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     if "steering_delay" in effects:
         at = columns.index(INDEX["steering_delay.delay_s"])
         std[at] = math.hypot(std[at], _A_STEP_S)
+    if "steering_offset" in effects:
+        at = columns.index(INDEX["steering_offset.offset_rad"])
+        std[at] = math.hypot(std[at], _COASTS_MPS2 * max(abs(float(x[i])) for i in _PULLS))
     if LOAD in effects:
         std = np.hypot(std, spread_by_inertia(drive, rows, here, values, found, box.weight))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, _IMU)
-        for i, more in zip(words.columns_of("bias_drift"), slow.tolist(), strict=True):
+        for i, more in zip(words.columns_of("bias_drift")[:_IMU], slow.tolist(), strict=True):
             if i in columns:
                 std[columns.index(i)] = math.hypot(std[columns.index(i)], more)
     for i in limits_read_off(drive, x) if "sensor_saturation" in effects else ():

@@ -14,6 +14,8 @@ from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 G = STANDARD_GRAVITY_MPS2
+# A drift that fades by less than this share all the way is even.
+_EVEN = 1e-6
 
 
 @compiled
@@ -118,13 +120,25 @@ def delayed(values: Floats, by_s: float, dt_s: float) -> Floats:
 
 
 @compiled
-def add_offsets(reads: Floats, offsets: Floats, drifts: Floats, dt_s: float) -> None:
-    """Adds offsets (6,) and what they drift by in a second (6,), about the middle, to the readings (n, 6)."""
+def add_offsets(reads: Floats, offsets: Floats, drifts: Floats, fades_per_s: float, dt_s: float) -> None:
+    """Adds offsets (6,) and what they drift by in a second (6,), on average, about the middle, to the readings (n, 6).
+
+    The first of them are the fastest, or the last: at the time t the rate has gone down by exp(-`fades_per_s` t).
+    """
     n = len(reads)
+    middle_s = drifted_s(0.5 * n * dt_s, n * dt_s, fades_per_s)
     for i in range(n):
-        time_s = dt_s * (i - 0.5 * n)
+        time_s = drifted_s(dt_s * i, n * dt_s, fades_per_s) - middle_s
         for c in range(reads.shape[1]):
             reads[i, c] += offsets[c] + time_s * drifts[c]
+
+
+@compiled
+def drifted_s(time_s: float, whole_s: float, fades_per_s: float) -> float:
+    """For how long at its mean rate a drift that fades would have gone to be as far; `whole_s` after the whole."""
+    if abs(fades_per_s) * whole_s < _EVEN:
+        return time_s
+    return whole_s * math.expm1(-fades_per_s * time_s) / math.expm1(-fades_per_s * whole_s)
 
 
 @compiled

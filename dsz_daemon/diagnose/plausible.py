@@ -7,10 +7,11 @@ from itertools import combinations
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
+from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curve
 from dsz_daemon.diagnose.gains import far_off
+from dsz_daemon.diagnose.instruments import drifted_s
 from dsz_daemon.diagnose.limits import limits_read_off
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
@@ -23,6 +24,8 @@ from dsz_daemon.signals import IMU_CHANNELS
 _BEYOND, _NEARLY_ALL = 1.1, 0.999
 # An offset that drifts does so in each third of the way, by this share of what it does in all of it.
 _PIECES, _STEADY, _LEAST_ROWS = 3, 0.35, 300
+# A third in which a drift that fades has no more of its mean rate does not tell.
+_FADED = 0.4
 # And by the end it has gone so many times as far as what is left beside it wanders (rms of blocks' means): a sensor's
 # flicker, whose power is the inverse of frequency, goes that far in one of some hundreds.
 _FAR_BEYOND = 8.0
@@ -130,15 +133,24 @@ def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:
         if abs(slope) < least[channel] or np.count_nonzero(used) < _LEAST_ROWS:
             continue
         time_s, left = rows.at[used] * DT_S, fit.left[used, c]
+        gone_s = _gone_s(drive, fit, rows.at[used])
         pieces = np.array_split(np.arange(len(left)), _PIECES)
-        # What is left beside the drift, and the drift.
-        if min(1.0 + np.polyfit(time_s[one], left[one], 1)[0] / slope for one in pieces) < _STEADY:
+        # What is left beside the drift, and the drift, wherever it has not faded.
+        rates = {k: slope * np.polyfit(time_s[one], gone_s[one], 1)[0] for k, one in enumerate(pieces)}
+        there = [k for k, rate in rates.items() if abs(rate) > _FADED * abs(slope)]
+        if min(1.0 + np.polyfit(time_s[pieces[k]], left[pieces[k]], 1)[0] / rates[k] for k in there) < _STEADY:
             continue
         count = np.bincount(rows.block[used])
         means = (np.bincount(rows.block[used], left) / np.maximum(count, 1))[count > 0.5 * np.max(count)]
         if abs(slope) * (time_s[-1] - time_s[0]) > _FAR_BEYOND * float(np.std(means)):
             return False
     return True
+
+
+def _gone_s(drive: Drive, fit: Fit, at: Ints) -> Floats:
+    """For how long at its mean rate a drift has gone (k,)."""
+    whole_s, fades_per_s = DT_S * len(drive.steer), float(fit.x[INDEX["bias_drift.fades_per_s"]])
+    return np.array([drifted_s(DT_S * one, whole_s, fades_per_s) for one in at.tolist()])
 
 
 def _is_a_bank_unfelt(drive: Drive, fit: Fit) -> bool:

@@ -57,7 +57,7 @@ _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_ax
 _RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
 _FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.delay_s"]
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
-_DRIFTS = _places("bias_drift", " ".join(IMU_CHANNELS))
+_DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
 _SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share", "front_drives_more")
 _AT_LIMIT = 1.05
@@ -337,7 +337,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         DT_S,
     )
     reads = smoothed(reads, x)
-    add_offsets(reads, x[_OFFSETS], x[_DRIFTS], DT_S)
+    add_offsets(reads, x[_OFFSETS], x[_DRIFTS], float(x[_FADES]), DT_S)
     return reads
 
 

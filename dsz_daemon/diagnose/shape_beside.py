@@ -95,7 +95,8 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
         for k, name in enumerate(names):
             if is_named(name, channel):
                 continue
-            unit = f"({unit_of(c)})/({library_here[name][1]})"
+            over = library_here[name][1]
+            unit = f"({unit_of(c)})/({over})" if over else unit_of(c)
             found.append(_Shape(c, name, unit, own_courses[:, k], square[:, k], cross[:, k], pull[:, k]))
     return found
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.guesses import guesses
+from dsz_daemon.diagnose.instruments import drifted_s
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import wind_ahead_m
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.screening import feels
+from dsz_daemon.signals import IMU_CHANNELS
 
 # Effects that are fitted besides, and from where on.
 Start = tuple[tuple[str, ...], Floats]
@@ -19,6 +25,12 @@ Start = tuple[tuple[str, ...], Floats]
 _TRIED = 7
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
+
+# A sensor that warms up does so within half a minute to some minutes; what begins so has to gain so much over a drift
+# that is the same all the way.
+_FADES_PER_S, _BENT = (-0.01, 0.008, 0.015, 0.03, 0.06), 3.0
+_RATES, _FADES = tuple(INDEX[f"bias_drift.{channel}"] for channel in IMU_CHANNELS), INDEX["bias_drift.fades_per_s"]
+_LEAST_ROWS, _EXACT = 300, 1e-6
 
 
 def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: Each = map) -> list[Start]:
@@ -34,10 +46,41 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
             leaning = best.x.copy()
             leaning[drive.vocabulary.columns_of(effect)[0]] = _SOME_LEAN
             starts = [*(start for start in starts if start[0] != (effect,)), ((effect,), leaning)]
+    if "bias_drift" in names[:_TRIED]:
+        starts = [(new, _drifting(rows, best) if new == ("bias_drift",) else x) for new, x in starts]
     found = guesses(drive, rows, best, each)
     guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
     known = {effects for effects, _ in guessed}
     return [*guessed, *(start for start in starts if start[0] not in known)]
+
+
+def _drifting(rows: Rows, best: Fit) -> Floats:
+    """The model so far with a drift that fades as what is left tells; without one where it is as well an even one."""
+    found = {fades_per_s: _drift(rows, best, fades_per_s) for fades_per_s in (0.0, *_FADES_PER_S)}
+    fades_per_s = max(found, key=lambda one: found[one][0])
+    x = best.x.copy()
+    if fades_per_s != 0.0 and found[fades_per_s][0] > found[0.0][0] + _BENT:
+        x[_FADES] = fades_per_s
+        x[list(_RATES)] += found[fades_per_s][1]
+    return x
+
+
+def _drift(rows: Rows, best: Fit, fades_per_s: float) -> tuple[float, Floats]:
+    """What a drift of all of the IMU's offsets takes off what is left, in log likelihood, and its rates (6,)."""
+    whole_s = DT_S * (float(rows.at[-1]) + 1.0)
+    course = np.array([drifted_s(DT_S * at, whole_s, fades_per_s) for at in rows.at.tolist()])
+    rates, gained = np.zeros(len(_RATES)), 0.0
+    for c in range(len(_RATES)):
+        used = rows.used[:, c]
+        if np.count_nonzero(used) < _LEAST_ROWS:
+            continue
+        left, mine = best.left[used, c] - np.mean(best.left[used, c]), course[used] - np.mean(course[used])
+        rates[c] = float(mine @ left) / float(mine @ mine)
+        power = float(left @ left)
+        if power > 0.0:
+            rest = max(float(np.sum((left - rates[c] * mine) ** 2)), _EXACT * power)
+            gained += 0.5 * len(left) * math.log(power / rest) / float(best.per_row[c])
+    return gained, rates
 
 
 def _winds(drive: Drive, best: Fit, each: Each) -> list[Start]:

@@ -17,6 +17,7 @@ from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import SHAPE, Fit, values_of, with_shapes
+from dsz_daemon.diagnose.jumps import jump_in
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
@@ -29,8 +30,13 @@ LEAST_ROWS = 500
 # A wheel differs from what all of them have in common by so many of its spreads.
 _WHEEL_SPREADS = 3.0
 # The best of some hundred shapes and channels is so good by chance, and a parameter more has to be paid for.
-BY_CHANCE = math.log(110.0)
+BY_CHANCE = math.log(126.0)
 CHOSEN_OF_MANY = BY_CHANCE + 3.0
+# A sensor that sticks does so within some tenths of a m/s2 of nothing.
+_STUCK_MPS2 = 0.2
+# What drive and brakes turn front wheels by is in every car a little (docs/decisions/0031); more, and surely, is not.
+_PULLS = {"drive_steer": "ax where ax > 0", "brake_steer": "ax where ax < 0"}
+_MUCH_PULL, _SURE_PULL = 3.5e-4, 5.0
 
 
 class Coefficient(NamedTuple):
@@ -81,6 +87,8 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "ay^2": (side**2, "m2/s4"),
         "ay^3": (side**3, "m3/s6"),
         "|ay|": (np.abs(side), "m/s2"),
+        "sign(ax)": (np.tanh(v_rate / _STUCK_MPS2), ""),
+        "sign(ay)": (np.tanh(side / _STUCK_MPS2), ""),
         "ay*|ay|": (side * np.abs(side), "m2/s4"),
         "vx*ay": (v * side, "m2/s3"),
         "ax*ay": (v_rate * side, "m2/s4"),
@@ -144,7 +152,8 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
     coarse = len(left) * fit.form[c] ** 2
     before = _unseen([np.ones(len(left))], left, block) + coarse
     best: Found | None = None
-    for name, (values, unit) in library(driven(drive, fit.x, fit.road), drive.steer).items():
+    shapes = library(driven(drive, fit.x, fit.road), drive.steer) | _jump(drive, left, rows.at[used], block)
+    for name, (values, unit) in shapes.items():
         if is_named(name, CHANNELS[c]):
             continue
         mine = values[rows.at][used]
@@ -160,13 +169,21 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
         per_row = float(correlated_rows(whole, used[:, np.newaxis])[0])
         gain = 0.5 * len(left) / per_row * float(np.log(before / after)) - CHOSEN_OF_MANY
         if gain > max(LEAST_GAIN, best.gain if best is not None else 0.0):
-            effect = as_effect(
-                CHANNELS[c], name, values - float(np.mean(mine)), f"({unit_of(c)})/({unit})", abs(step[1])
-            )
+            per = f"({unit_of(c)})/({unit})" if unit else unit_of(c)
+            effect = as_effect(CHANNELS[c], name, values - float(np.mean(mine)), per, abs(step[1]))
             scatter = float(np.mean(whole[used, 0] ** 2)) * per_row
             std = math.sqrt(scatter * float(np.linalg.pinv(table.T @ table)[1, 1]))
             best = Found(effect, CHANNELS[c], f"k*{name}", share, gain, float(step[1]), std)
     return best
+
+
+def _jump(drive: Drive, left: Floats, at: Ints, block: Ints) -> dict[str, tuple[Floats, str]]:
+    """An offset's jump as a shape: 1 from then on, which is no product of motion; empty where there is none."""
+    place = jump_in(left, at, block)
+    if place is None:
+        return {}
+    after = (np.arange(len(drive.steer)) >= place).astype(np.float64)
+    return {f"(t > {float(drive.recording.time_s[place]):.1f} s)": (after, "")}
 
 
 def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:
@@ -195,6 +212,16 @@ def wheel_shapes(drive: Drive, fit: Fit) -> list[Shape]:
     return [
         Shape(f"wheel_speed_{wheel}", "k*vx^2", Coefficient(value, std, "(m/s)/(m2/s2)"), 1.0)
         for wheel, (value, std) in wheel_squares(drive, fit).items()
+    ]
+
+
+def pull_shapes(drive: Drive, fit: Fit) -> list[Shape]:
+    """How a car that is driven, or braked, goes to one side, where it does so by more than others do."""
+    told = values_of(drive, fit, "")
+    return [
+        Shape("gyro_z", f"k*{when}", Coefficient(*told[name], "rad/(m/s2) of the front wheels"), 1.0)
+        for name, when in _PULLS.items()
+        if name in told and abs(told[name][0]) > max(_MUCH_PULL, _SURE_PULL * told[name][1])
     ]
 
 

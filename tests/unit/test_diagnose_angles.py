@@ -60,7 +60,7 @@ def test_one_sample_is_the_same_at_any_time() -> None:
 
 def test_offsets_drift_about_the_middle() -> None:
     reads = np.ones((4, 2))
-    add_offsets(reads, np.array([0.5, 0.0]), np.array([0.0, 10.0]), 0.1)
+    add_offsets(reads, np.array([0.5, 0.0]), np.array([0.0, 10.0]), 0.0, 0.1)
     np.testing.assert_allclose(reads, np.column_stack([np.full(4, 1.5), [-1.0, 0.0, 1.0, 2.0]]))
 
 
