@@ -222,6 +222,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "resistance",
                 "spun_share",
                 "front_drives_more",
+                "fades_per_s",
                 "sharpness",
                 "ellipse",
                 "leans",
