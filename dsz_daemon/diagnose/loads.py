@@ -11,8 +11,10 @@ from dsz_daemon.diagnose.evidence import Sums, inverse_of_told
 from dsz_daemon.diagnose.prediction import Drive, Floats
 
 LOAD = "mass_loading"
-_ADDED, _INERTIA = INDEX[f"{LOAD}.added_mass_kg"], INDEX["yaw_inertia_kgm2"]
-# Where people and luggage are, from the C.G.: the simulation leaves the yaw inertia as it is configured.
+_ADDED, _SHIFT = INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.cg_shift_m"]
+_INERTIA = INDEX["yaw_inertia_kgm2"]
+# Where people and luggage are at least, from the C.G.: the simulation leaves the yaw inertia as it is configured. What
+# moves the C.G. further than that would stands further out, but between the axles.
 _FROM_THE_CG_M = 0.8
 
 
@@ -23,7 +25,9 @@ def spread_by_inertia(drive: Drive, rows: Rows, here: Place, slopes: Floats, fou
     of the box's prior (p,).
     """
     mass_kg, added_kg = drive.car.mass_kg, abs(float(here.x[_ADDED]))
-    share = mass_kg * added_kg / (mass_kg + added_kg) * _FROM_THE_CG_M**2 / drive.car.yaw_inertia_kgm2
+    moved_kgm = abs(float(here.x[_SHIFT])) * (mass_kg + added_kg)
+    out_m = min(max(moved_kgm / max(added_kg, 1.0), _FROM_THE_CG_M), 0.5 * drive.car.wheelbase_m)
+    share = mass_kg * added_kg / (mass_kg + added_kg) * out_m**2 / drive.car.yaw_inertia_kgm2
     turns = sensitivities(drive, rows, here.x, here.road, here.base, (_INERTIA,), here.felt)[:, :, 0]
     scatter = here.scatter[rows.block]
     pull = np.einsum("kcp,kc->p", slopes, turns / scatter**2)

@@ -54,3 +54,19 @@ def test_nothing_on_board_turns_nothing() -> None:
     assert moved[0] == 0.0
     assert 0.0 < moved[1] < moved[3]
     assert moved[2] == pytest.approx(moved[1], rel=0.5)
+
+
+def test_what_moves_the_cg_far_stands_far_out_but_between_the_axles() -> None:
+    """300 kg that move it by 0.02 m stand within 0.8 m of it, by 0.15 m at 1 m, by 0.24 m at 1.6, behind the axle."""
+    one, fit = loaded()
+    rows, x = rows_of(one), fit.x.copy()
+    slopes = sensitivities(one, rows, x, fit.road, predicted(one, x, fit.road), fit.columns, fit.felt)
+    whole_kg, moved = one.car.mass_kg + ADDED_KG, []
+    out_m = (0.8, 1.0, 0.5 * one.car.wheelbase_m)
+    for shift_m in (-0.02, -ADDED_KG * out_m[1] / whole_kg, -ADDED_KG * 1.6 / whole_kg):
+        x[ADDED], x[SHIFT] = ADDED_KG, shift_m
+        here = Place(x, fit.felt, fit.road, predicted(one, x, fit.road), fit.left, fit.scatter, np.zeros(0))
+        found = spread_by_inertia(one, rows, here, slopes, fit.sums, np.full(len(fit.columns), 1e-6))
+        moved.append(float(found[fit.columns.index(ADDED)]))
+    ratios = np.sqrt(np.array(moved) / moved[0])
+    np.testing.assert_allclose(ratios, np.array(out_m) / 0.8, rtol=0.2)
