@@ -69,7 +69,7 @@ _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
 # How quickly a body leans, how soon it is still, and how far the C.G. is above (and ahead of) its axis: never told.
 _BODY = (
-    Parameter("frequency_share", "1", 0.1, -0.5, 1.0, math.inf),
+    Parameter("frequency_share", "1", 0.1, -0.7, 1.0, math.inf),
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
     Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
