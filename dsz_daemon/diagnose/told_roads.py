@@ -25,7 +25,7 @@ class _Rms(NamedTuple):
     beside: tuple[int, ...] = ()
 
 
-# A wind is told by what tyres make of it, and those of six simulations by other authors came out 5 to 15 % off
+# A wind is told by what tyres make of it, and those of a simulation by another author came out 15 % off at most
 # (docs/decisions/0050); a road by a gyro's integral.
 _RMS = {
     "road_bank": _Rms("rms_rad", 0.03),
