@@ -18,12 +18,12 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right, quiet
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
-from dsz_daemon.diagnose.screening import Screening, screened
+from dsz_daemon.diagnose.screening import Screening, feels, screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
 from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles, worth_now
 from dsz_daemon.diagnose.starts import Start, starts_of
@@ -35,8 +35,9 @@ Progress = Callable[[str], None]
 _SHARE_OF_WIND = 0.3
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
-# The most promising of two at once.
+# The most promising of two at once; and what makes a gyro show more than its own rate.
 _PAIRS = 3
+_OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
@@ -209,12 +210,19 @@ def _shaped(
 def _two_at_once(trial: _Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:
     """What two effects gain that hide each other while a channel is far off, the most first; empty where none do.
 
-    An IMU that is late and a steering that is, too, turn the car in time with each other.
+    An IMU that is late and a steering that is, too, turn the car in time with each other; of a road that is felt by a
+    gyro which shows more than its own rate nothing is left as it is.
     """
     off = far_off(trial.drive, trial.best)
     if not off.any():
         return []
-    pairs = [pair for pair in screening.pairs(off) if not set(pair) & refused][:_PAIRS]
+    roads = [
+        (other, road)
+        for road in sorted(TILTS - set(trial.best.effects))
+        if off[OWN_CHANNEL[road]] and feels(trial.drive, trial.rows, trial.best, road)
+        for other in [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
+    ]
+    pairs = [pair for pair in (*roads, *screening.pairs(off)[:_PAIRS]) if not set(pair) & refused]
     tried = _judged(trial, each(trial.fit, [(pair, trial.best.x) for pair in pairs]), each)
     return sorted(
         (step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)),

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
+from dsz_daemon.diagnose import search
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.screening import screened
 
 STEER = 0.03 + 0.5 * CITY_STEER
 # Waves that knots could follow, and such that they could not.
@@ -73,3 +75,21 @@ def test_a_gyros_scale_is_told_beside_the_road_that_it_feels(road: str) -> None:
     at = INDEX[f"gyro_scale.{axis}"]
     assert fit.x[at] == pytest.approx(x[at], abs=0.01)
     assert fit.std[fit.columns.index(at)] < 0.01
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In town a leak of the yaw rate shows as much as a bank: alone neither leaves less that hangs together."""
+    if not at_once:
+        monkeypatch.setattr(search, "_SHOWS_MORE", ())
+    x = nothing()
+    x[INDEX["gyro_cross_axis.xz"]], x[INDEX["gyro_cross_axis.yz"]] = -0.015, 0.015
+    one = drive({}, CITY_V, CITY_STEER)
+    waves = 0.03 * np.sin(2.0 * np.pi * T / 25.0) + 0.015 * np.sin(2.0 * np.pi * T / 9.0)
+    one.measured[:] += predicted(one, x, flat(N)._replace(bank_rad=waves)) - predicted(one, nothing(), flat(N))
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    screening = screened(one, rows, nominal, TOLERANCE, map)
+    trial = search._Trial(one, rows, nominal, TOLERANCE, screening.known)
+    tried = search._two_at_once(trial, screening, set(), map)
+    assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once
