@@ -83,7 +83,7 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     if not at_once:
         monkeypatch.setattr(search, "_SHOWS_MORE", ())
     x = nothing()
-    x[INDEX["gyro_cross_axis.xz"]], x[INDEX["gyro_cross_axis.yz"]] = -0.015, 0.015
+    x[INDEX["gyro_cross_axis.xz"]], x[INDEX["gyro_cross_axis.yz"]] = -0.05, 0.05
     one = drive({}, CITY_V, CITY_STEER)
     waves = 0.03 * np.sin(2.0 * np.pi * T / 25.0) + 0.015 * np.sin(2.0 * np.pi * T / 9.0)
     one.measured[:] += predicted(one, x, flat(N)._replace(bank_rad=waves)) - predicted(one, nothing(), flat(N))
