@@ -26,9 +26,8 @@ _TRIED = 7
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 
-# A sensor that warms up does so within half a minute to some minutes; what begins so has to gain so much over a drift
-# that is the same all the way.
-_FADES_PER_S, _BENT = (-0.01, 0.008, 0.015, 0.03, 0.06), 3.0
+# A sensor that warms up does so within half a minute to some minutes.
+_FADES_PER_S = (-0.01, 0.008, 0.015, 0.03, 0.06)
 _RATES, _FADES = tuple(INDEX[f"bias_drift.{channel}"] for channel in IMU_CHANNELS), INDEX["bias_drift.fades_per_s"]
 _LEAST_ROWS, _EXACT = 300, 1e-6
 
@@ -55,11 +54,11 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
 
 
 def _drifting(rows: Rows, best: Fit) -> Floats:
-    """The model so far with a drift that fades as what is left tells; without one where it is as well an even one."""
+    """The model so far with a drift that fades as what is left tells; without one where that is an even one."""
     found = {fades_per_s: _drift(rows, best, fades_per_s) for fades_per_s in (0.0, *_FADES_PER_S)}
     fades_per_s = max(found, key=lambda one: found[one][0])
     x = best.x.copy()
-    if fades_per_s != 0.0 and found[fades_per_s][0] > found[0.0][0] + _BENT:
+    if fades_per_s != 0.0:
         x[_FADES] = fades_per_s
         x[list(_RATES)] += found[fades_per_s][1]
     return x

@@ -44,18 +44,17 @@ def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> 
         left_mps2 = np.where(rolling, left_mps2, 0.0)
         return left_mps2, float(np.sum(left_mps2**2))
 
-    (left_mps2, before), share = left_by(road), 1.0
+    left_mps2, before = left_by(road)
     for _ in range(rounds):
-        more_n = share * filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), _GUSTS)
+        more_n = filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), _GUSTS)
         more = road._replace(side_n=road.side_n + more_n)
         left, after = left_by(more)
-        # Where tyres answer late, a round may take away more than there was: then smaller ones.
-        if after < before:
-            road, left_mps2, before = more, left, after
-            if float(np.sum(more_n**2)) < _LITTLE * float(np.sum(road.side_n**2)):
-                break
-        else:
-            share *= 0.5
+        # Where tyres answer late, a round may take away more than there was.
+        if after >= before:
+            break
+        road, left_mps2, before = more, left, after
+        if float(np.sum(more_n**2)) < _LITTLE * float(np.sum(road.side_n**2)):
+            break
     return road
 
 

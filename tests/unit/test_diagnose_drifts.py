@@ -59,6 +59,20 @@ def test_a_sensor_that_warms_up_drifts(time_constant_s: float) -> None:
     assert not is_implausible(one, rows_of(one), found, "bias_drift")
 
 
+def test_where_a_drift_has_faded_a_sensor_may_wander() -> None:
+    """In the last third it has a tenth of its mean rate: what wanders there by as much tells nothing."""
+    one = drive({}, CITY_V, CITY_STEER)
+    one.measured[:, UP] += warmed_up(0.12, 15.0) - 0.008 * np.clip((T - 40.0) / 20.0, 0.0, 1.0)
+    rows = rows_of(one)
+    start = _drifting(rows, fitted(one, rows, nothing(), (), TOLERANCE))
+    fit = fitted(one, rows, start, ("bias_drift",), TOLERANCE)
+    assert not is_implausible(one, rows, fit, "bias_drift")
+    # Twice that in the first third, where it drifts, is no drift.
+    one.measured[:, UP] += 0.12 * np.clip(T / 20.0, 0.0, 1.0) - 1.2 * warmed_up(0.12, 15.0)
+    rows = rows_of(one)
+    assert is_implausible(one, rows, fitted(one, rows, nothing(), ("bias_drift",), TOLERANCE), "bias_drift")
+
+
 def test_an_even_drift_begins_as_one() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     one.measured[:, UP] += 1e-3 * T

@@ -241,7 +241,7 @@ def test_an_accelerometers_noise_is_no_wind(monkeypatch: pytest.MonkeyPatch) -> 
     assert smooth_n < 0.25 * np.std(GUSTS_N)
 
 
-def test_tyres_that_answer_late_take_more_rounds_and_no_wind_runs_away() -> None:
+def test_where_tyres_answer_late_no_wind_runs_away() -> None:
     one, x = blown_on(0.4)
     x[INDEX["tyre_relaxation.relaxation_length_m"]] = 1.5
     one = one._replace(measured=predicted(one, x, flat(N)._replace(side_n=GUSTS_N)))
@@ -268,4 +268,7 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one() -> None:
         draws.append(np.std(bank))
     assert value == pytest.approx(0.02 / np.sqrt(2.0), rel=1e-3)
     assert std == pytest.approx(np.hypot(np.std(draws), 0.03 * value), rel=0.1)
+    fit.covariance = np.zeros_like(covariance)
+    surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
+    assert surest == {"rms_rad": (value, pytest.approx(0.03 * value))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
