@@ -11,10 +11,14 @@ from dsz_daemon.diagnose.comparison import Ints, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
+from dsz_daemon.diagnose.winds import by_the_lean, of_noise_n
 
 _STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
 # A step to see by, in spreads: what is a square is not seen as one.
 _STEP = 0.1
+# Of a wind's power what the accelerometer's noise has in it is taken off, as far as that is known (its power to a
+# fourth), and something stays.
+_NOISE_UNSURE, _LEAST_OF_IT = 0.25, 0.3
 
 
 class _Rms(NamedTuple):
@@ -71,4 +75,9 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
         x = fit.x.copy()
         x[fit.columns[places[k]]] += steps[k]
         slopes[k] = (rms(x, fit.felt(x)) - value) / steps[k]
-    return {of.name: (value, math.hypot(math.sqrt(float(slopes @ covariance @ slopes)), of.form * value))}
+    std = math.hypot(math.sqrt(float(slopes @ covariance @ slopes)), of.form * value)
+    if effect == "side_wind" and not by_the_lean(fit.x):
+        noise = float(np.mean(of_noise_n(drive, fit.x, fit.road)[at] ** 2))
+        less = math.sqrt(max(value**2 - noise, (_LEAST_OF_IT * value) ** 2))
+        value, std = less, math.hypot(std * less / value, _NOISE_UNSURE * noise / (2.0 * less))
+    return {of.name: (value, std)}

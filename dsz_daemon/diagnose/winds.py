@@ -9,6 +9,7 @@ from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import noises
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.motion import CarModel
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, car_of, in_time, predicted, rolls_of
@@ -56,6 +57,13 @@ def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> 
         if float(np.sum(more_n**2)) < _LITTLE * float(np.sum(road.side_n**2)):
             break
     return road
+
+
+def of_noise_n(drive: Drive, x: Floats, road: Profiles) -> Floats:
+    """As what wind (n,) the accelerometer's noise alone, drawn once, is felt: slow noise pushes as slow winds do."""
+    noise = filtered(np.random.default_rng(0).normal(size=len(drive.steer)), filter_kernel())
+    noise *= float(np.nan_to_num(noises(drive))[_ACROSS]) / max(float(np.std(noise)), 1e-12)
+    return filtered(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), _GUSTS)
 
 
 @compiled

@@ -185,7 +185,7 @@ def values(effect: str, answer: Answer) -> str:
         f"{name} {one['value']:.3g}" + (f" +- {one['std']:.1g}" if one["std"] else "")
         for cause in mine
         for name, one in cause["parameters"].items()
-        if not isinstance(one["value"], str) and (one["std"] or 0.0) < 0.3
+        if not isinstance(one["value"], str) and (one["std"] or 0.0) < 0.3 * max(1.0, abs(one["value"]))
     ]
     if answer.profile_rad is not None:
         words.append(f"profile {np.degrees(answer.profile_rad):.2f} deg off")

@@ -272,3 +272,22 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one() -> None:
     surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
     assert surest == {"rms_rad": (value, pytest.approx(0.03 * value))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5])
+def test_the_noise_of_an_accelerometer_is_in_no_winds_rms(share: float) -> None:
+    """A weak wind by a noisy sensor: what is felt is stronger by that, what is told is not."""
+    one, x = blown_on(0.3)
+    one = one._replace(measured=predicted(one, x, flat(N)._replace(side_n=share * GUSTS_N)))
+    one.measured[:, 4] += filtered(np.random.default_rng(7).normal(0.0, 0.1, N), filter_kernel())
+    one = one._replace(recording=one.recording._replace(floor=np.full(10, 0.1 * np.sqrt(np.sum(filter_kernel() ** 2)))))
+    fit = fitted(one, rows_of(one), x, ("side_wind",), {}, felt=Felt(one, x, ("side_wind",)))
+    rows = rows_of(one)
+    told = told_roads.rms_told(one, rows, fit, "side_wind")
+    assert told is not None
+    value, std = told["rms_n"]
+    at = told_roads.driven_rows(rows)
+    true_n, felt_n = (float(np.std(course[at])) for course in (share * GUSTS_N, fit.road.side_n))
+    assert felt_n > value
+    assert abs(value - true_n) < 1.96 * std
+    assert std < (0.15 if share > 0.3 else 4.0) * true_n
