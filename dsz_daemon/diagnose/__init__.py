@@ -21,7 +21,8 @@ from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
 from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.drives import against, drive_of
-from dsz_daemon.diagnose.effects import CAR, SENSORS, Effect, Motion, Parameter, vocabulary
+from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
+from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.prediction import CHANNELS, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
 from dsz_daemon.diagnose.said import Diagnosis

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.effects import CAR, OFFSETS, SENSORS
+from dsz_daemon.diagnose.effect_row import CAR, SENSORS
+from dsz_daemon.diagnose.effects import OFFSETS
 from dsz_daemon.diagnose.prediction import (
     CHANNELS,
     ROLL,

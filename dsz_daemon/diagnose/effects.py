@@ -8,62 +8,15 @@ message's own few milliseconds, wheels with inertia, counted poles and a differe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-Floats = np.ndarray[Any, np.dtype[np.float64]]
-
-CAR, SENSORS, WHEELS = "car", "sensors", "wheels"
-
-
-class Parameter(NamedTuple):
-    """One number of an effect, SI; `low` and `high` are what is plausible."""
-
-    name: str
-    unit: str
-    step: float
-    low: float
-    high: float
-    least: float
-
-
-class Motion(NamedTuple):
-    """What the simulated car does, all (n,), for effects of one's own; `lateral_mps2` is v_y' + r v."""
-
-    time_s: Floats
-    speed_mps: Floats
-    along_mps2: Floats
-    sideslip_mps: Floats
-    yaw_rate_radps: Floats
-    lateral_mps2: Floats
-    road_wheel_angle_rad: Floats
-
-
-# What is added to the channels (by their names) that are compared, of the motion and the parameters' values by name.
-Shows = Callable[[Motion, Mapping[str, float]], Mapping[str, Floats]]
-
-
-class Effect(NamedTuple):
-    """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
-
-    The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels.
-    """
-
-    name: str
-    words: str
-    equation: str
-    touches: str
-    parameters: tuple[Parameter, ...]
-    shows: Shows | None = None
+from dsz_daemon.diagnose.effect_row import CAR, SENSORS, WHEELS, Effect, Parameter
 
 
 def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, unit, step, -most, most, least) for name in names.split())
 
 
-_AXES = "accel_x accel_y accel_z"
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
@@ -139,7 +92,8 @@ EFFECTS: tuple[Effect, ...] = (
         "reading += k T (1 - exp(-f t)) / (1 - exp(-f T)), of all of T k T",
         SENSORS,
         (
-            *(*_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6), *_even(_AXES, "m/s2/s", 1e-3, 0.05, 1e-4)),
+            *_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6),
+            *_even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
             Parameter("fades_per_s", "1/s", 0.01, -0.02, 0.07, math.inf),
         ),
     ),

@@ -11,18 +11,8 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, floors, noises, sensitivities
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
-from dsz_daemon.diagnose.effects import (
-    BUILT_IN,
-    CAR,
-    COLUMNS,
-    FORM,
-    GUESSED,
-    INDEX,
-    NUISANCES,
-    OFFSETS,
-    TOLERATED,
-    Parameter,
-)
+from dsz_daemon.diagnose.effect_row import CAR, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.evidence import (
     Box,
     Sums,

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dsz_daemon.diagnose.effects import INDEX, Parameter
+from dsz_daemon.diagnose.effect_row import Parameter
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.prediction import Drive, Floats
 
 MOUNT = "imu_misalignment"

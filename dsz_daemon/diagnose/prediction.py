@@ -8,7 +8,8 @@ import numpy as np
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Motion, Parameter, Vocabulary
+from dsz_daemon.diagnose.effect_row import Motion, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Vocabulary
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered

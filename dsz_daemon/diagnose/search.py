@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
-from dsz_daemon.diagnose.effects import CAR, GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
+from dsz_daemon.diagnose.effect_row import CAR
+from dsz_daemon.diagnose.effects import GUESSED, INDEX, NAMELESS, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right, quiet

@@ -14,7 +14,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, noises
 from dsz_daemon.diagnose.correlation import correlated_rows
-from dsz_daemon.diagnose.effects import SENSORS, Effect, Parameter
+from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import SHAPE, Fit, values_of, with_shapes
 from dsz_daemon.diagnose.jumps import jump_in

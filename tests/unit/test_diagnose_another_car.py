@@ -10,7 +10,8 @@ from dsz_daemon.diagnose import another_car
 from dsz_daemon.diagnose.another_car import ROOM, with_own_numbers
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX, SENSORS
+from dsz_daemon.diagnose.effect_row import SENSORS
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.said import ParameterError
 from dsz_daemon.diagnose.search import Search, searched

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from test_diagnose_choices import CITY_STEER, CITY_V, N, drive, found
 
 from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.effects import INDEX, Parameter
+from dsz_daemon.diagnose.effect_row import Parameter
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.mounts import as_drawn_rad, as_offsets_else, untold_turns
 from dsz_daemon.diagnose.prediction import Drive, flat, gyros_of, nothing, predicted
 

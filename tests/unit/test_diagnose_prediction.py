@@ -13,19 +13,8 @@ from scipy.signal import firwin, lfilter
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import recording as recordings
 from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import (
-    BUILT_IN,
-    COLUMNS,
-    EFFECTS,
-    INDEX,
-    ROAD,
-    SENSORS,
-    TOLERATED,
-    Effect,
-    Motion,
-    Parameter,
-    vocabulary,
-)
+from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Motion, Parameter
+from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, EFFECTS, INDEX, ROAD, TOLERATED, vocabulary
 from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.profiles import Felt

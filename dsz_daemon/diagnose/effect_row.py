@@ -1,0 +1,53 @@
+"""What a row of the vocabulary is: words, an equation, and parameters with what of them is plausible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+CAR, SENSORS, WHEELS = "car", "sensors", "wheels"
+
+
+class Parameter(NamedTuple):
+    """One number of an effect, SI; `low` and `high` are what is plausible."""
+
+    name: str
+    unit: str
+    step: float
+    low: float
+    high: float
+    least: float
+
+
+class Motion(NamedTuple):
+    """What the simulated car does, all (n,), for effects of one's own; `lateral_mps2` is v_y' + r v."""
+
+    time_s: Floats
+    speed_mps: Floats
+    along_mps2: Floats
+    sideslip_mps: Floats
+    yaw_rate_radps: Floats
+    lateral_mps2: Floats
+    road_wheel_angle_rad: Floats
+
+
+# What is added to the channels (by their names) that are compared, of the motion and the parameters' values by name.
+Shows = Callable[[Motion, Mapping[str, float]], Mapping[str, Floats]]
+
+
+class Effect(NamedTuple):
+    """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
+
+    The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels.
+    """
+
+    name: str
+    words: str
+    equation: str
+    touches: str
+    parameters: tuple[Parameter, ...]
+    shows: Shows | None = None
