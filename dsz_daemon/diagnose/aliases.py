@@ -13,7 +13,8 @@ from dsz_daemon.diagnose.effects import BUILT_IN, NAMELESS
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.rolling import rate_of
-from dsz_daemon.diagnose.search import Search, Step
+from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.trials import Step
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 # Of two explanations so close on unseen data, the recording does not choose: in log likelihood, and of what is gained.

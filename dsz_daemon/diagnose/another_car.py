@@ -51,19 +51,18 @@ def with_own_numbers(
         return found, 0.0
     room = {name: max(most, tolerance.get(name, 0.0)) for name, most in ROOM.items()}
 
-    def free(effects: set[str], each: Each = map) -> Fit:
-        best = found.best
-        start = best.x.copy()
+    def free(effects: set[str], before: Fit, each: Each = map) -> Fit:
+        start = before.x.copy()
         start[[i for effect in names - effects for i in found.drive.vocabulary.columns_of(effect)]] = 0.0
-        kept = tuple(effect for effect in best.effects if effect in effects)
-        return fitted(found.drive, found.rows, start, kept, room, each=each, felt=best.felt)
+        kept = tuple(effect for effect in before.effects if effect in effects)
+        return fitted(found.drive, found.rows, start, kept, room, each=each, felt=before.felt)
 
     beside = names - NUMBERS
-    with_names = free(beside, each)
+    with_names = free(beside, found.best, each)
     gain = gained(found.drive, found.best, with_names)
 
     def is_idle(name: str) -> bool:
-        return gained(found.drive, free(beside - {name}), with_names) < 0.0
+        return gained(found.drive, free(beside - {name}, with_names), with_names) < 0.0
 
     enough = max(LEAST_GAIN, _SHARE * sum(found.gains.values()))
     if gain < enough and not any(each(is_idle, sorted(beside - {_PLACE}))):

@@ -24,8 +24,8 @@ from dsz_daemon.diagnose.fit import OWN_CHANNEL, fitted
 from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.recording import recorded
 from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import _Trial
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.trials import Trial
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.runs.diagnose import signals_of
 from dsz_daemon.runs.setup import set_up
@@ -45,7 +45,7 @@ def told(case: detections.Case) -> float:
     drive = drive_of(recorded(signals, vehicle.steering_ratio), vehicle.car(), vehicle.steering_ratio)
     rows = rows_of(drive)
     plain = fitted(drive, rows, nothing(), (), tolerance, 2e-5)
-    trial = _Trial(drive, rows, plain, tolerance, screened(drive, rows, plain, tolerance, map).known)
+    trial = Trial(drive, rows, plain, tolerance, screened(drive, rows, plain, tolerance, map).known)
     starts = [start for start in starts_of(drive, rows, plain, [effect]) if start[0] == (effect,)]
     return max([0.0, *(trial.judge(trial.fit(start)).gain for start in starts)])
 

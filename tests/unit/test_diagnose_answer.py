@@ -13,7 +13,7 @@ from dsz_daemon.diagnose import aliases, answer, level, told_roads
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.said import Value
-from dsz_daemon.diagnose.search import Step
+from dsz_daemon.diagnose.trials import Step
 
 
 def found(rivals: dict[str, dict[str, float]], effects: tuple[str, ...]) -> Any:

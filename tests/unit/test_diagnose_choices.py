@@ -27,8 +27,9 @@ from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_mom
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
-from dsz_daemon.diagnose.search import Search, Step, _judged, _Trial, gained, searched
+from dsz_daemon.diagnose.search import Search, gained, searched
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.trials import Step, Trial, _judged
 from dsz_daemon.diagnose.unlisted import unlisted
 
 N = 6000
@@ -119,7 +120,7 @@ def test_what_had_to_go_may_come_back_beside_what_came_later(monkeypatch: pytest
         looked.append(fit.effects)
         return len(looked) == 2
 
-    for room in ("search", "smaller"):
+    for room in ("trials", "smaller"):
         monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_at_first)
     search = found(drive({"wheel_radius.rl": -0.01, "gyro_scale.y": 0.0, "accel_scale.y": 0.05}, CITY_V, CITY_STEER))
     assert len(looked) > 1
@@ -135,7 +136,7 @@ def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_mo
     def is_implausible_beside(_drive: Drive, _rows: Any, fit: Any, effect: str) -> bool:
         return effect == "accel_scale" and "wheel_radius" in fit.effects
 
-    for room in ("search", "smaller"):
+    for room in ("trials", "smaller"):
         monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_beside)
     search = found(drive({"accel_scale.y": scale, "wheel_radius.rl": -radius}, CITY_V, CITY_STEER))
     assert search.best.effects[0] == stays
@@ -487,7 +488,7 @@ def test_what_other_manoeuvres_deny_is_not_named() -> None:
 
     one = drive({}, v, steer, change=odd)
     nominal = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
-    trial = _Trial(one, rows_of(one), nominal, TOLERANCE, Slopes(nothing(), (), (), np.zeros((0, 13, 0))))
+    trial = Trial(one, rows_of(one), nominal, TOLERANCE, Slopes(nothing(), (), (), np.zeros((0, 13, 0))))
     step = trial.judge(trial.fit((("gyro_scale",), nothing())))
     assert gained(one, trial.best, step.fit) > 15.0
     assert gained(one, trial.best, step.fit, kind="manoeuvres") < -15.0

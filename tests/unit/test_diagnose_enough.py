@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose import search as search_module
+from dsz_daemon.diagnose import trials as trials_module
 from dsz_daemon.diagnose.comparison import BLOCK_S, floors, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -18,8 +18,8 @@ from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.screening import feels, screened
-from dsz_daemon.diagnose.search import Step, _enough_first, _rank, _rivals, _Trial, _two_at_once
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
 from dsz_daemon.diagnose.winds import by_the_lean
 
 YAW, ACROSS = 2, 4
@@ -75,13 +75,13 @@ def test_what_gains_too_little_stands_in_nobodys_way(monkeypatch: pytest.MonkeyP
     none: Any = None
     right: set[str] = set()
     vague: set[str] = set()
-    monkeypatch.setattr(search_module, "is_beyond_form", lambda _, __, name: name in right)
-    monkeypatch.setattr(search_module, "is_told", lambda _, __, name: name not in vague)
+    monkeypatch.setattr(trials_module, "is_beyond_form", lambda _, __, name: name in right)
+    monkeypatch.setattr(trials_module, "is_told", lambda _, __, name: name not in vague)
 
     def order(share: float, *more: tuple[str, float]) -> list[str]:
         ranked = [("first", 89.0), ("second", 169.0), ("third", 163.0), *more]
         steps = [Step(name, gain, name) for name, gain in ranked]  # type: ignore[arg-type]
-        return [step.effect for step in _enough_first(none, none, steps, lambda _: share)]
+        return [step.effect for step in enough_first(none, none, steps, lambda _: share)]
 
     assert order(122.0) == ["second", "third", "first"]
     assert order(50.0) == ["first", "second", "third"]
@@ -290,22 +290,22 @@ def test_two_that_hide_each_other_are_found_at_once() -> None:
     rows = rows_of(one)
     best = fitted(one, rows, nothing(), (), TOLERANCE)
     screening = screened(one, rows, best, TOLERANCE, map)
-    trial = _Trial(one, rows, best, TOLERANCE, screening.known)
+    trial = Trial(one, rows, best, TOLERANCE, screening.known)
     off = far_off(one, best)
     assert off.any()
     late = [pair for pair in screening.pairs(off) if set(pair) == {"sensor_bandwidth", "steering_delay"}]
     assert late
     assert screening.gain(late[0]) > sum(max(screening.gain([name]), 0.0) for name in late[0]) + 10.0
-    tried = _two_at_once(trial, screening, set(), map)
+    tried = two_at_once(trial, screening, set(), map)
     assert set(tried[0].fit.effects) == {"sensor_bandwidth", "steering_delay"}
     assert tried == sorted(tried, key=lambda step: -step.gain)
     assert puts_right(one, best, tried[0].fit)
     # What was refused beside this model is not tried again, and where nothing is far off nobody looks.
     assert all(
-        "steering_delay" not in step.fit.effects for step in _two_at_once(trial, screening, {"steering_delay"}, map)
+        "steering_delay" not in step.fit.effects for step in two_at_once(trial, screening, {"steering_delay"}, map)
     )
-    even = _Trial(one, rows, tried[0].fit, TOLERANCE, screening.known)
-    assert _two_at_once(even, screening, set(), map) == []
+    even = Trial(one, rows, tried[0].fit, TOLERANCE, screening.known)
+    assert two_at_once(even, screening, set(), map) == []
 
 
 def test_of_two_at_once_each_has_its_own_rivals() -> None:
@@ -325,13 +325,15 @@ def test_of_two_at_once_each_has_its_own_rivals() -> None:
         return 0.5 * one.gain
 
     # By what they were ranked by, not by what each gains of its own rows.
-    rivals = {effect: [(one.effect, one.gain) for one in steps] for effect, steps in _rivals(best, tried, rank).items()}
+    rivals = {
+        effect: [(one.effect, one.gain) for one in steps] for effect, steps in rivals_of(best, tried, rank).items()
+    }
     assert rivals == {
         "sensor_bandwidth": [("sensor_bandwidth", 45.0), ("imu_delay", 35.0)],
         "steering_delay": [("steering_delay", 45.0), ("gyro_scale", 30.0)],
     }
     alone = [step(90.0, "steering_delay"), step(70.0, "imu_delay")]
-    assert [one.effect for one in _rivals(best, alone, rank)["steering_delay"]] == ["steering_delay", "imu_delay"]
+    assert [one.effect for one in rivals_of(best, alone, rank)["steering_delay"]] == ["steering_delay", "imu_delay"]
 
 
 def test_two_that_hide_each_other_are_both_named() -> None:
@@ -350,7 +352,7 @@ def test_what_has_no_name_has_to_gain_a_twentieth_more_than_what_has() -> None:
     fit = fitted(scaled, rows, before.x, ("accel_scale",), TOLERANCE)
     gain = gained(scaled, before, fit)
     tried = [Step(name, gain, fit) for name in ("wheel_radius", "wheel_square", "road_bank")]
-    named, nameless, profile = (_rank(scaled, before, tried)(step) for step in tried)
+    named, nameless, profile = (rank_by(scaled, before, tried)(step) for step in tried)
     assert gain > 100.0
     assert nameless == pytest.approx(named / 1.05)
     assert profile == pytest.approx(0.8 * named)

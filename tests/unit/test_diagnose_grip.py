@@ -10,7 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
 from dsz_daemon.diagnose import moments as moments_module
-from dsz_daemon.diagnose import search as search_module
+from dsz_daemon.diagnose import trials as trials_module
 from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -18,8 +18,9 @@ from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
-from dsz_daemon.diagnose.search import Step, _enough_first, _rank, searched
+from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.trials import Step, enough_first, rank_by
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
 TURNS = ("steering_ratio", "gyro_scale")
@@ -71,7 +72,7 @@ def test_a_stretch_has_to_explain_more_than_tyres_do() -> None:
     def first(stretch: float) -> str:
         # `gained` of a fit over itself is none: by rank they are what their gains are, where no two are rivals.
         steps = [Step("low_friction", stretch, fit), Step("tyre_saturation", 100.0, fit), Step("wheel_slip", 1e4, fit)]
-        rank = _rank(one, fit, steps)
+        rank = rank_by(one, fit, steps)
         return max(steps[:2], key=rank).effect
 
     assert first(104.0) == "tyre_saturation"
@@ -165,8 +166,8 @@ def test_of_two_limits_the_one_that_gains_more_is_named_however_sure_its_frictio
         ({"low_friction"}, ["tyre_saturation", "low_friction", "steering_ratio", "gyro_scale"]),
         ({"gyro_scale"}, ["gyro_scale", "tyre_saturation", "low_friction", "steering_ratio"]),
     ):
-        monkeypatch.setattr(search_module, "is_told", lambda _drive, _fit, effect, sure=sure: effect in sure)
-        assert [step.effect for step in _enough_first(one, fit, ranked, lambda _: 0.0)] == order
+        monkeypatch.setattr(trials_module, "is_told", lambda _drive, _fit, effect, sure=sure: effect in sure)
+        assert [step.effect for step in enough_first(one, fit, ranked, lambda _: 0.0)] == order
 
 
 def test_beside_a_limit_of_grip_a_cars_numbers_are_no_surer_than_what_is_worth_a_name() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import search
+from dsz_daemon.diagnose import trials
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
@@ -81,7 +81,7 @@ def test_a_gyros_scale_is_told_beside_the_road_that_it_feels(road: str) -> None:
 def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """In town a leak of the yaw rate shows as much as a bank: alone neither leaves less that hangs together."""
     if not at_once:
-        monkeypatch.setattr(search, "_SHOWS_MORE", ())
+        monkeypatch.setattr(trials, "_SHOWS_MORE", ())
     x = nothing()
     x[INDEX["gyro_cross_axis.xz"]], x[INDEX["gyro_cross_axis.yz"]] = -0.05, 0.05
     one = drive({}, CITY_V, CITY_STEER)
@@ -90,6 +90,6 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     rows = rows_of(one)
     nominal = fitted(one, rows, nothing(), (), TOLERANCE)
     screening = screened(one, rows, nominal, TOLERANCE, map)
-    trial = search._Trial(one, rows, nominal, TOLERANCE, screening.known)
-    tried = search._two_at_once(trial, screening, set(), map)
+    trial = trials.Trial(one, rows, nominal, TOLERANCE, screening.known)
+    tried = trials.two_at_once(trial, screening, set(), map)
     assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once

@@ -15,12 +15,12 @@ from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import inverse
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.screening import feels, screened
-from dsz_daemon.diagnose.search import gained
 from dsz_daemon.diagnose.shape_beside import shape_beside
 from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 

@@ -11,13 +11,15 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import smaller as smaller_module
+from dsz_daemon.diagnose import trials as trials_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import all_hands, rows_of
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.search import Step, searched
+from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.smaller import Grown, asked_of, without_trifles
+from dsz_daemon.diagnose.trials import Step
 from dsz_daemon.diagnose.unlisted import Found, as_effect
 
 
@@ -157,7 +159,7 @@ def test_a_shape_is_taken_up_for_what_it_gains_as_names_do_and_not_for_a_trifle(
 
     monkeypatch.setattr(search_module, "likeliest_shape", shape)
     monkeypatch.setattr(smaller_module, "_SHARE_OF_ALL", share)
-    for room in (search_module, smaller_module):
+    for room in (search_module, trials_module, smaller_module):
         monkeypatch.setattr(room, "is_beyond_form", lambda *_: beyond)
     said: list[str] = []
     found = searched(one, rows_of(one), TOLERANCE, said.append)
@@ -234,7 +236,7 @@ def test_of_two_that_came_at_once_the_one_that_a_road_leaves_is_told_with_what_i
     pairs, settled = [[Step("accel_scale", 100.0, both)]], [alone]
     monkeypatch.setattr(search_module, "starts_of", lambda *_: [])
     monkeypatch.setattr(search_module, "likeliest_shape", lambda *_, **__: None)
-    monkeypatch.setattr(search_module, "_two_at_once", lambda *_: pairs.pop() if pairs else [])
+    monkeypatch.setattr(search_module, "two_at_once", lambda *_: pairs.pop() if pairs else [])
     monkeypatch.setattr(smaller_module.Grown, "settled", lambda _: settled.pop() if settled else None)
     found = searched(one, rows, TOLERANCE)
     assert found.best.effects == ("gyro_scale",)

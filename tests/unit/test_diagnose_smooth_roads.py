@@ -15,10 +15,10 @@ from dsz_daemon.diagnose.comparison import floors, rows_of
 from dsz_daemon.diagnose.descent import Place, Slope
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, _floors, exactly, fitted
-from dsz_daemon.diagnose.gains import is_beyond_form, quiet
+from dsz_daemon.diagnose.gains import gained, is_beyond_form, quiet
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.search import gained, searched
+from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.smooth_roads import (
     bends,
     leaning,

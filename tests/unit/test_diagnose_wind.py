@@ -18,8 +18,9 @@ from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
 from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
-from dsz_daemon.diagnose.search import Step, _enough_first, _Trial, _with_wind_anew, searched
+from dsz_daemon.diagnose.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.trials import Step, Trial, enough_first
 
 MIDDLE = slice(500, N - 500)
 AHEAD = INDEX["side_wind.ahead_m"]
@@ -124,7 +125,7 @@ def test_a_wind_is_felt_anew_only_where_the_yaw_rate_is_off(monkeypatch: pytest.
     rows = rows_of(one)
     best = fitted(one, rows, x, ("side_wind",), TOLERANCE)
     known: Any = None
-    trial = _Trial(one, rows, best, TOLERANCE, known)
+    trial = Trial(one, rows, best, TOLERANCE, known)
     monkeypatch.setattr(search_module, "quiet", lambda *_: np.ones(13, dtype=bool))
     assert _with_wind_anew(trial, map) is None
     monkeypatch.setattr(search_module, "quiet", lambda *_: np.arange(13) != 2)
@@ -142,10 +143,10 @@ def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part
     def asked(_: str) -> float:
         return 10.0
 
-    assert _enough_first(one, best, steps, asked) == steps
-    assert _enough_first(one, best, steps, asked, 60.0)[0].effect == "gyro_scale"
-    assert _enough_first(one, best, steps[:1], asked, 60.0) == []
-    assert _enough_first(one, best, steps[:1], asked, 40.0) == steps[:1]
+    assert enough_first(one, best, steps, asked) == steps
+    assert enough_first(one, best, steps, asked, 60.0)[0].effect == "gyro_scale"
+    assert enough_first(one, best, steps[:1], asked, 60.0) == []
+    assert enough_first(one, best, steps[:1], asked, 40.0) == steps[:1]
 
 
 def test_a_wind_by_the_lean_is_not_felt_anew() -> None:

@@ -18,8 +18,8 @@ from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import recorded, white_std
 from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import _Trial
 from dsz_daemon.diagnose.smaller import share_of_all
+from dsz_daemon.diagnose.trials import Trial
 from dsz_daemon.pipeline.grid import Signal
 
 STEP = 0.001
@@ -156,7 +156,7 @@ def test_what_was_guessed_is_judged_by_its_slopes_where_it_ends() -> None:
     one = drive({"sensor_saturation.accel_limit_mps2": 1.5, "accel_scale.y": 0.03}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     best = fitted(one, rows, nothing(), (), TOLERANCE)
-    trial = _Trial(one, rows, best, TOLERANCE, screened(one, rows, best, TOLERANCE, map).known)
+    trial = Trial(one, rows, best, TOLERANCE, screened(one, rows, best, TOLERANCE, map).known)
     start = dict(guesses(one, rows, best))["sensor_saturation"]
     step = trial.fit((("sensor_saturation",), start))
     np.testing.assert_array_equal(step.fit.unseen, exactly(one, rows, step.fit, TOLERANCE).unseen)

@@ -1,0 +1,233 @@
+"""One candidate more: really fitted, judged by its own slopes, and held against the others in its place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.effect_row import CAR
+from dsz_daemon.diagnose.effects import GUESSED, INDEX, NAMELESS
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right
+from dsz_daemon.diagnose.moments import moments_of, with_best_moments
+from dsz_daemon.diagnose.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.diagnose.screening import Screening, feels
+from dsz_daemon.diagnose.starts import Start
+from dsz_daemon.diagnose.unlisted import wheel_squares
+
+# A profile fits nearly anything.
+_PROFILE_SHARES = 2.0
+# The most promising of two at once; and what makes a gyro show more than its own rate.
+_PAIRS = 3
+_OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
+# By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
+# is hopeless.
+_HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
+# Beside so many effects what lost the last time waits.
+_SOME = 2
+# What a profile has lost after some rounds of its fit no further ones bring back.
+_LOST = -20.0
+# Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
+_RIVALS = 0.5
+# What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
+SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
+# What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
+_DENIED = -0.2
+# Moments are moved and all is fitted again, until they stay where they are.
+_MOST_MOVES, _SETTLED_S = 4, 0.2
+_RARE = {*GUESSED, "tyre_saturation"}
+
+
+class Step(NamedTuple):
+    """One candidate that was really fitted, and what it gains on unseen blocks."""
+
+    effect: str
+    gain: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Fits one effect more, or two."""
+
+    drive: Drive
+    rows: Rows
+    best: Fit
+    tolerance: Mapping[str, float]
+    known: Slopes
+
+    def fit(self, start: Start) -> Step:
+        """From there, judged by the slopes of its last step."""
+        new, x = start
+        effect, effects = new[-1], (*self.best.effects, *new)
+        fit = self._fitted(x, effects)
+        if effect == "low_friction" and gained(self.drive, self.best, fit) > 0.0:
+            # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
+            for _ in range(_MOST_MOVES):
+                moved = with_best_moments(self.drive, self.rows, fit)
+                before, fit = fit.x, self._fitted(moved, effects)
+                if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
+                    break
+        if effect in ONE_BY_ONE and (wheels := wheel_squares(self.drive, fit)):
+            # What all wheels do alike would be another speed, and that accelerometers show too little of it.
+            alone = fit.x.copy()
+            alone[list(self.drive.vocabulary.columns_of(effect))] = 0.0
+            alone[[INDEX[f"{effect}.{wheel}"] for wheel in wheels]] = [value for value, _ in wheels.values()]
+            fit = self._fitted(alone, effects)
+        if any(is_implausible(self.drive, self.rows, fit, one) for one in new):
+            return Step(effect, -math.inf, fit)
+        if effect in GUESSED:
+            # What has no slope at 0 began with those of a guess.
+            fit = exactly(self.drive, self.rows, fit, self.tolerance)
+        return Step(effect, gained(self.drive, self.best, fit), fit)
+
+    def _fitted(self, x: Floats, effects: tuple[str, ...]) -> Fit:
+        known, felt, new = self.known, self.best.felt, effects[-1]
+
+        def is_hopeless(fit: Fit) -> bool:
+            return gained(self.drive, self.best, fit) < _LOST or is_implausible(self.drive, self.rows, fit, new)
+
+        asked = is_hopeless if new in OWN_CHANNEL else None
+        return fitted(self.drive, self.rows, x, effects, self.tolerance, known=known, felt=felt, is_hopeless=asked)
+
+    def judge(self, step: Step, each: Each = map) -> Step:
+        """By its own slopes, and by what other manoeuvres say."""
+        effect, fit = step.effect, exactly(self.drive, self.rows, step.fit, self.tolerance, each)
+        gain = gained(self.drive, self.best, fit)
+        # What is there for a while, or at the limit only, is in few of the manoeuvres.
+        if effect not in _RARE and gain > LEAST_GAIN and self._elsewhere(fit) < _DENIED * gain:
+            return Step(effect, -math.inf, fit)
+        return Step(effect, gain, fit)
+
+    def _elsewhere(self, fit: Fit) -> float:
+        gains = [gained(self.drive, self.best, fit, kind=kind) for kind in self.rows.together]
+        return min(gains, default=0.0)
+
+
+def all_tried(
+    trial: Trial,
+    starts: Sequence[Start],
+    waits: Collection[str],
+    enough: Callable[[list[Step]], list[Step]],
+    each: Each,
+) -> tuple[list[Step], frozenset[str]]:
+    """All that may be the best, by rank, and what lost and waits next time.
+
+    Beside a few effects, what lost the last time waits until of the others none gains enough.
+    """
+    waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
+    fits = list(each(trial.fit, [start for start in starts if start[0][-1] not in waiting]))
+    judged = _judged(trial, fits, each)
+    tried = _ranked(trial.drive, trial.best, judged)
+    later = [start for start in starts if start[0][-1] in waiting]
+    if later and not enough(tried):
+        fits += (others := list(each(trial.fit, later)))
+        waiting = set()
+        tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
+    hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
+    return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
+
+
+def _judged(trial: Trial, tried: Iterable[Step], each: Each) -> list[Step]:
+    """Those that may be the best, by their own slopes; where one of them is denied, those that come after it, too."""
+    rest, judged = sorted(tried, key=lambda step: -step.gain), list[Step]()
+    while rest and rest[0].gain > max([_HOPELESS, *(step.gain for step in judged)]):
+        enough = max(min(_HOPEFUL * rest[0].gain, rest[0].gain - _OFF), _HOPELESS)
+        judged += all_hands(trial.judge, [step for step in rest if step.gain > enough], each)
+        rest = [step for step in rest if step.gain <= enough]
+    return judged
+
+
+def _ranked(drive: Drive, best: Fit, tried: list[Step]) -> list[Step]:
+    """The best first."""
+    if not tried:
+        return []
+    leader = max(tried, key=lambda step: step.gain)
+    return [leader] if leader.gain <= 0.0 else sorted(tried, key=rank_by(drive, best, tried), reverse=True)
+
+
+def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], float]:
+    """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
+
+    A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
+    general.
+    """
+    least = _RIVALS * max(step.gain for step in tried)
+    same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
+
+    def rank(step: Step) -> float:
+        alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
+        return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
+
+    return rank
+
+
+def enough_first(
+    drive: Drive, best: Fit, ranked: list[Step], asked_by: Callable[[str], float], of_a_car: float = 0.0
+) -> list[Step]:
+    """By rank, those that gain enough before the others; empty where none does.
+
+    The first by rank need not be the one that gains the most: what gains too little stands in nobody's way. Neither
+    does one of which the fit tells nothing: many parameters at once may come near what one of another's does.
+    `of_a_car` is asked of what a car does, beside a wind that is felt anew: of a push that lasts little is told, and
+    what holds against it could be anything.
+    """
+
+    def gains_enough(step: Step) -> bool:
+        asked = asked_by(step.effect) * (_PROFILE_SHARES if step.effect in OWN_CHANNEL else 1.0)
+        if of_a_car > asked and drive.vocabulary.described(step.effect).touches == CAR:
+            asked = of_a_car
+        return step.gain >= LEAST_GAIN and (step.gain >= asked or is_beyond_form(drive, best, step.fit))
+
+    gaining = [step for step in ranked if gains_enough(step)]
+    told = {step.effect for step in gaining if is_told(drive, step.fit, step.effect)}
+    # How low a limit of grip is its curve leaves open: one for a while is told no better than one all the way.
+    told |= GRIP if told & GRIP else set()
+    gaining.sort(key=lambda step: step.effect not in told)
+    return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
+
+
+def two_at_once(trial: Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:
+    """What two effects gain that hide each other while a channel is far off, the most first; empty where none do.
+
+    An IMU that is late and a steering that is, too, turn the car in time with each other; of a road that is felt by a
+    gyro which shows more than its own rate nothing is left as it is.
+    """
+    off = far_off(trial.drive, trial.best)
+    if not off.any():
+        return []
+    roads = [
+        (other, road)
+        for road in sorted(TILTS - set(trial.best.effects))
+        if off[OWN_CHANNEL[road]] and feels(trial.drive, trial.rows, trial.best, road)
+        for other in [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
+    ]
+    pairs = [pair for pair in (*roads, *screening.pairs(off)[:_PAIRS]) if not set(pair) & refused]
+    tried = _judged(trial, each(trial.fit, [(pair, trial.best.x) for pair in pairs]), each)
+    return sorted(
+        (step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)),
+        key=lambda step: -step.gain,
+    )
+
+
+def rivals_of(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:
+    """Of each effect that the first has more than `best`: what was tried in its place beside what else it has more.
+
+    What they gain is what they were ranked by.
+    """
+    added = [set(step.fit.effects[len(best.effects) :]) for step in tried]
+    return {
+        effect: tuple(
+            Step(next(iter(mine - others)), rank(step), step.fit)
+            for step, mine in zip(tried, added, strict=True)
+            if (others := added[0] - {effect}) < mine
+        )
+        for effect in added[0]
+    }

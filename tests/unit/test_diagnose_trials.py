@@ -1,0 +1,59 @@
+"""What lost the last time waits beside a few effects, until of the others none gains enough."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dsz_daemon.diagnose import trials as trials_module
+from dsz_daemon.diagnose.trials import Step, all_tried
+
+_X = np.zeros(1)
+
+
+def _trial(fitted: list[str], gains: dict[str, list[float]], effects: tuple[str, ...]) -> Any:
+    """A trial in which candidates gain what is said, start by start; `fitted` hears which were tried."""
+    left = {effect: list(each) for effect, each in gains.items()}
+
+    def fit(start: Any) -> Step:
+        fitted.append(start[0][-1])
+        return Step(start[0][-1], left[start[0][-1]].pop(0), None)  # type: ignore[arg-type]
+
+    return SimpleNamespace(fit=fit, judge=lambda step, _each: step, drive=None, best=SimpleNamespace(effects=effects))
+
+
+@pytest.fixture(autouse=True)
+def ranked_by_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trials_module, "_ranked", lambda _, __, steps: sorted(steps, key=lambda one: -one.gain))
+
+
+def _enough(steps: list[Step]) -> list[Step]:
+    return [step for step in steps if step.gain > 10.0]
+
+
+@pytest.mark.parametrize(
+    ("gain", "effects", "tried", "best", "waits"),
+    [
+        (50.0, ("a", "b"), ["gyro_scale"], "gyro_scale", {"road_bank"}),
+        (5.0, ("a", "b"), ["gyro_scale", "road_bank"], "road_bank", set()),
+        (-5.0, ("a", "b"), ["gyro_scale", "road_bank"], "road_bank", {"gyro_scale"}),
+        (50.0, ("a",), ["road_bank", "gyro_scale"], "gyro_scale", set()),
+    ],
+)
+def test_what_lost_waits_until_of_the_others_none_gains_enough(
+    gain: float, effects: tuple[str, ...], tried: list[str], best: str, waits: set[str]
+) -> None:
+    fitted: list[str] = []
+    trial = _trial(fitted, {"road_bank": [30.0], "gyro_scale": [gain]}, effects)
+    starts = [(("road_bank",), _X), (("gyro_scale",), _X)]
+    steps, waiting = all_tried(trial, starts, {"road_bank"}, _enough, map)
+    assert (fitted, steps[0].effect, waiting) == (tried, best, waits)
+
+
+def test_what_gains_from_one_of_its_starts_does_not_wait() -> None:
+    trial = _trial([], {"side_wind": [-20.0, 0.5], "road_bank": [-20.0, -3.0], "imu_delay": [0.0]}, ())
+    starts = [((name,), _X) for name in ("side_wind", "side_wind", "road_bank", "road_bank", "imu_delay")]
+    assert all_tried(trial, starts, (), _enough, map)[1] == {"road_bank", "imu_delay"}
