@@ -10,6 +10,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import BUILT_IN, NAMELESS
+from dsz_daemon.diagnose.fit import SAME_TURN
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.rolling import rate_of
@@ -19,8 +20,6 @@ from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 # Of two explanations so close on unseen data, the recording does not choose: in log likelihood, and of what is gained.
 _ALIKE, _ALIKE_SHARE = 3.0, 0.02
-# No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
-SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # An accelerometer's offset that is no more is what data sheets have.
 MUCH_MPS2 = 0.3

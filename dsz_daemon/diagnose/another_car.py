@@ -10,12 +10,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dsz_daemon.diagnose.aliases import SAME_TURN
 from dsz_daemon.diagnose.answer import parameter_errors
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.fit import SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.search import Progress, Search, searched

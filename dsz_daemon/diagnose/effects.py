@@ -204,11 +204,13 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(
         "mass_loading",
         "{added_mass_kg:+.0f} kg are on board that nobody configured, the C.G. is {cg_shift_m:+.2f} m further ahead",
-        "m, l_f, l_r of (1)",
+        "m, l_f, l_r, I_z of (1)",
         CAR,
         (
             Parameter("added_mass_kg", "kg", 100.0, -400.0, 1500.0, 25.0),
             Parameter("cg_shift_m", "m", 0.1, -0.8, 0.8, 0.03),
+            # The share of what the load has to turn with it that it adds to the yaw inertia.
+            Parameter("turns", "1", 0.2, 0.0, 1.3, math.inf),
         ),
     ),
     Effect(

@@ -22,7 +22,7 @@ from dsz_daemon.diagnose.evidence import (
     sums,
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
-from dsz_daemon.diagnose.loads import LOAD, spread_by_inertia
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.mounts import MOUNT, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
@@ -57,6 +57,8 @@ OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
 # wheels for four, a message's own few milliseconds.
 _OF_THE_LEAST = 0.25
+# No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
+SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 # Beside a limit of grip a tyre's own curve does more of what a car's steering and tyres do.
 _OF_THE_LEAST_BY_GRIP = 1.25
 # What a simulation gets wrong is a matter of so many things (speed, forces, how quickly they change), however long the
@@ -86,6 +88,8 @@ ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # A car that goes to one side as it is driven does so by what drives it, which is what slows it at even speed.
 _COASTS_MPS2, _PULLS = 0.3, (INDEX["drive_steer"], INDEX["brake_steer"])
+# Of how much a load turns with a car more is known than its ends: all of it, or nothing.
+_TURNS, _SURER_THAN_ITS_ENDS = INDEX[f"{LOAD}.turns"], 2.0
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
 
@@ -274,11 +278,13 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = _room(drive, x, columns, tolerance)
-    hang = np.ones(len(columns))
+    hang, prior = np.ones(len(columns)), box.weight.copy()
+    prior[[place for place, i in enumerate(columns) if i == _TURNS]] *= _SURER_THAN_ITS_ENDS
     if leans_on_a_bank(effects):
         lean = leaning(slopes_of_bends(drive, here.felt, x, here.bent), here.bent)
         places = [columns.index(column) for column in lean.columns]
         box.weight[places] += np.diag(lean.squares)
+        prior[places] += np.diag(lean.squares)
         # What hangs together tells as much as fewer rows, and no more than it does where it counts for more.
         hang[places] = np.where(np.diag(lean.squares) > 0.0, SURER * rows_as_one(here.bent), 1.0)
     # When a stretch begins and ends is told by the moments around, which some fold has not seen; and how a car is drawn
@@ -290,7 +296,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     }
     form = _form(drive, rows, x, effects, here.base)
     steps = drive.steps_rows * (drive.steps / scatter) ** 2
-    covariance = _covariance(found, per_row, box, steps, np.nan_to_num(noises(drive)) / scatter, hang)
+    covariance = _covariance(found, per_row, prior, steps, np.nan_to_num(noises(drive)) / scatter, hang)
     std = np.hypot(np.sqrt(np.diag(covariance)), OF_ITSELF * np.abs(x[list(columns)]))
     least = np.array([words.columns[i][1].least for i in columns])
     share = [
@@ -308,8 +314,6 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     if "steering_offset" in effects:
         at = columns.index(INDEX["steering_offset.offset_rad"])
         std[at] = math.hypot(std[at], _COASTS_MPS2 * max(abs(float(x[i])) for i in _PULLS))
-    if LOAD in effects:
-        std = np.hypot(std, spread_by_inertia(drive, rows, here, values, found, box.weight))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, _IMU)
         for i, more in zip(words.columns_of("bias_drift")[:_IMU], slow.tolist(), strict=True):
@@ -349,15 +353,15 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
 
 
 def _covariance(
-    found: Sums, per_row: Floats, box: Box, steps: Floats, floor: Floats, hang: Floats | float = 1.0
+    found: Sums, per_row: Floats, weight: Floats, steps: Floats, floor: Floats, hang: Floats | float = 1.0
 ) -> Floats:
     """Covariance (p, p) by the sandwich over blocks, no less than autocorrelation and the steering's steps allow.
 
     And no less than what is left beyond the sensors' noise may have done to the parameters, if it is the simulation
     that is wrong there. In the blocks' scatter: the power of steps times the rows for which they stay (b, 13), and
-    the `floor` (b, 13). What the box's weight is of may `hang` together over so many rows (p,).
+    the `floor` (b, 13). What a prior's `weight` (p,) is of may `hang` together over so many rows (p,).
     """
-    bread, untold = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(box.weight, 1e-12))
+    bread, untold = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(weight, 1e-12))
     n = np.maximum(found.counts.sum(axis=0), 1.0)
     power = found.left.sum(axis=0) / n
     counts, noise = np.maximum(found.counts, 1.0), floor**2
@@ -369,7 +373,7 @@ def _covariance(
     block = found.cross.sum(axis=1)
     meat_blocks = block.T @ block
     one, other = bread @ meat @ bread, bread @ meat_blocks @ bread
-    prior = bread @ np.diag(box.weight * hang) @ bread + untold
+    prior = bread @ np.diag(weight * hang) @ bread + untold
     whole = one + prior
     more = np.maximum(np.diag(one), np.diag(other)) + np.diag(prior)
     share = np.sqrt(np.maximum(more, 0.0) / np.maximum(np.diag(whole), 1e-300))

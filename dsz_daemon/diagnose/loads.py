@@ -1,35 +1,19 @@
-"""What a load does that its mass and the shifted C.G. do not tell: it turns with the car, too."""
+"""A load turns with the car: from where it stands by what it weighs and moves the C.G., about the common one."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from dsz_daemon.diagnose.comparison import Rows, sensitivities
-from dsz_daemon.diagnose.descent import Place
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.evidence import Sums, inverse_of_told
-from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.core.parameters import Car
 
 LOAD = "mass_loading"
-_ADDED, _SHIFT = INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.cg_shift_m"]
-_INERTIA = INDEX["yaw_inertia_kgm2"]
-# Where people and luggage are at least, from the C.G.: the simulation leaves the yaw inertia as it is configured. What
-# moves the C.G. further than that would stands further out, but between the axles.
+# Where people and luggage are at least, from the C.G.: some stand on the other side of it. What moves the C.G. further
+# than that would stands further out, but between the axles.
 _FROM_THE_CG_M = 0.8
 
 
-def spread_by_inertia(drive: Drive, rows: Rows, here: Place, slopes: Floats, found: Sums, weight: Floats) -> Floats:
-    """How far a fit's parameters (p,) go with a yaw inertia that is by as much larger as the load's may be.
-
-    m M / (m + M) d^2 about the common C.G. (parallel axes). `slopes`: sensitivities (k, 13, p) at the place; `weight`:
-    of the box's prior (p,).
-    """
-    mass_kg, added_kg = drive.car.mass_kg, abs(float(here.x[_ADDED]))
-    moved_kgm = abs(float(here.x[_SHIFT])) * (mass_kg + added_kg)
-    out_m = min(max(moved_kgm / max(added_kg, 1.0), _FROM_THE_CG_M), 0.5 * drive.car.wheelbase_m)
-    share = mass_kg * added_kg / (mass_kg + added_kg) * out_m**2 / drive.car.yaw_inertia_kgm2
-    turns = sensitivities(drive, rows, here.x, here.road, here.base, (_INERTIA,), here.felt)[:, :, 0]
-    scatter = here.scatter[rows.block]
-    pull = np.einsum("kcp,kc->p", slopes, turns / scatter**2)
-    bread, _ = inverse_of_told(found.squares.sum(axis=(0, 1)), np.maximum(weight, 1e-12))
-    return np.asarray(share * np.abs(bread @ pull))
+def inertia_of_a_load_kgm2(car: Car, added_kg: float, shift_m: float) -> float:
+    """Yaw inertia of a load, SI, about the common C.G.: m M/(m + M) d^2 (parallel axes), d = |shift| (m + M)/m."""
+    if added_kg == 0.0:
+        return 0.0
+    whole_kg = car.mass_kg + added_kg
+    out_m = min(max(abs(shift_m * whole_kg / added_kg), _FROM_THE_CG_M), 0.5 * car.wheelbase_m)
+    return car.mass_kg * added_kg / whole_kg * out_m**2

@@ -11,6 +11,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effect_row import Motion, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Vocabulary
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
+from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
@@ -199,7 +200,8 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
     front_track_m = car.front_track_m * (1.0 + at("front_track_m") + at("track_width.front"))
     return CarModel(
         car.mass_kg * (1.0 + at("mass_kg")) + added,
-        car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2")),
+        car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2"))
+        + at("mass_loading.turns") * inertia_of_a_load_kgm2(car, added, shift),
         lf,
         lr,
         2.0 * car.front_cornering_stiffness_n_per_rad * max(1.0 + front, _SOFTEST),

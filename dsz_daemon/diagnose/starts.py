@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.instruments import drifted_s
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import wind_ahead_m
 from dsz_daemon.diagnose.recording import DT_S
@@ -25,6 +26,9 @@ Start = tuple[tuple[str, ...], Floats]
 _TRIED = 7
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
+
+# Some load, and as much of it turns as has to.
+_SOME_LOAD, _OF_A_LOAD = 0.05, (INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.turns"])
 
 # A sensor that warms up does so within half a minute to some minutes.
 _FADES_PER_S = (-0.01, 0.008, 0.015, 0.03, 0.06)
@@ -47,6 +51,11 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
             starts = [*(start for start in starts if start[0] != (effect,)), ((effect,), leaning)]
     if "bias_drift" in names[:_TRIED]:
         starts = [(new, _drifting(rows, best) if new == ("bias_drift",) else x) for new, x in starts]
+    if LOAD in names[:_TRIED]:
+        # Of nothing on board nothing turns: by one linear step no load does.
+        turning = best.x.copy()
+        turning[list(_OF_A_LOAD)] = _SOME_LOAD * drive.car.mass_kg, 1.0
+        starts.append(((LOAD,), turning))
     found = guesses(drive, rows, best, each)
     guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
     known = {effects for effects, _ in guessed}

@@ -65,7 +65,7 @@ def test_the_steerings_steps_last_in_the_scatter_of_each_block() -> None:
     lasting = np.zeros((20, 13))
     lasting[:, 0] = 250.0 * np.where(np.arange(20) < 10, 4.0, 9.0)
     box = Box(*np.array([[-1e6], [1e6], [1e-9]]))
-    [[variance]] = _covariance(weighed, np.ones(13), box, lasting, np.ones((20, 13)))
+    [[variance]] = _covariance(weighed, np.ones(13), box.weight, lasting, np.ones((20, 13)))
     assert variance == pytest.approx((250.0 * 250.0 * 4.0 + 250.0 * 250.0 * 9.0) / 500.0**2)
 
 
@@ -79,7 +79,7 @@ def test_what_is_left_beyond_the_noise_does_not_average_out(blocks: int) -> None
     box, none = Box(*np.array([[-1e6], [1e6], [1e-9]])), np.zeros((blocks, 13))
 
     def variance(hanging_rows: float, floor: float) -> float:
-        [[found]] = _covariance(weighed, np.full(13, hanging_rows), box, none, np.full((blocks, 13), floor))
+        [[found]] = _covariance(weighed, np.full(13, hanging_rows), box.weight, none, np.full((blocks, 13), floor))
         return float(found)
 
     # It hangs together: over 20 rows or more it is none of the sensor's.

@@ -1,72 +1,87 @@
-"""diagnose: what a load weighs is no surer than how it turns with the car."""
+"""diagnose: a load turns with the car, as far out as it has to stand; of two that turn a car alike that tells it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.descent import Place
+from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.loads import spread_by_inertia
-from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
+from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
+from dsz_daemon.diagnose.prediction import Drive, nothing
+from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.starts import starts_of
 
-ADDED, SHIFT = INDEX["mass_loading.added_mass_kg"], INDEX["mass_loading.cg_shift_m"]
-ADDED_KG, FROM_THE_CG_M = 300.0, 0.8
-
-
-def loaded(inertia_more_kgm2: float = 0.0) -> tuple[Drive, Fit]:
-    """A loaded car that turns as configured, fitted by one whose yaw inertia is so much larger."""
-    one = drive({"mass_loading.added_mass_kg": ADDED_KG, "mass_loading.cg_shift_m": -0.1}, CITY_V, CITY_STEER)
-    one = one._replace(car=one.car._replace(yaw_inertia_kgm2=one.car.yaw_inertia_kgm2 + inertia_more_kgm2))
-    return one, fitted(one, rows_of(one), nothing(), ("mass_loading",), TOLERANCE, 1e-6)
+ADDED, SHIFT, TURNS = (INDEX[f"mass_loading.{name}"] for name in ("added_mass_kg", "cg_shift_m", "turns"))
+MASS_KG, ADDED_KG = TUCSON.mass_kg, 300.0
 
 
-def std_of(fit: Fit, column: int) -> float:
-    return float(fit.std[fit.columns.index(column)])
+def two_masses_kgm2(other_kg: float, apart_m: float) -> tuple[float, float]:
+    """What two point masses so far apart have of yaw inertia about their common centre, and how far that moves."""
+    centre_m = apart_m * other_kg / (MASS_KG + other_kg)
+    return MASS_KG * centre_m**2 + other_kg * (apart_m - centre_m) ** 2, centre_m
 
 
-def test_a_load_is_as_unsure_as_what_its_inertia_would_move_it_by() -> None:
-    """By parallel axes 0.8 m from the C.G.: m M/(m + M) d^2."""
-    one, fit = loaded()
-    mass_kg = one.car.mass_kg
-    _, other = loaded(mass_kg * ADDED_KG / (mass_kg + ADDED_KG) * FROM_THE_CG_M**2)
-    for column in (ADDED, SHIFT):
-        moved = abs(float(other.x[column] - fit.x[column]))
-        assert std_of(fit, column) > 0.7 * moved
-        assert moved > 0.3 * std_of(fit, column)
-    assert fit.x[ADDED] == pytest.approx(ADDED_KG, abs=2.0 * std_of(fit, ADDED))
+@pytest.mark.parametrize("apart_m", [0.85, -1.2, 1.25])
+def test_a_load_turns_as_two_masses_do(apart_m: float) -> None:
+    inertia_kgm2, moved_m = two_masses_kgm2(ADDED_KG, apart_m)
+    assert inertia_of_a_load_kgm2(TUCSON, ADDED_KG, moved_m) == pytest.approx(inertia_kgm2)
 
 
-def test_nothing_on_board_turns_nothing() -> None:
-    one, fit = loaded()
-    rows, x = rows_of(one), fit.x.copy()
-    slopes = sensitivities(one, rows, x, fit.road, predicted(one, x, fit.road), fit.columns, fit.felt)
-    moved = []
-    for added_kg in (0.0, 150.0, -150.0, 300.0):
-        x[ADDED] = added_kg
-        here = Place(x, fit.felt, fit.road, predicted(one, x, fit.road), fit.left, fit.scatter, np.zeros(0))
-        weight = np.full(len(fit.columns), 1e-6)
-        found = spread_by_inertia(one, rows, here, slopes, fit.sums, weight)
-        moved.append(float(found[fit.columns.index(ADDED)]))
-    assert moved[0] == 0.0
-    assert 0.0 < moved[1] < moved[3]
-    assert moved[2] == pytest.approx(moved[1], rel=0.5)
+def test_what_is_taken_off_no_longer_turns() -> None:
+    """200 kg of the car, 1 m behind the C.G. of the whole: the rest is another car, by parallel axes."""
+    gone_kg, behind_m = 200.0, 1.0
+    ahead_m = gone_kg * behind_m / (MASS_KG - gone_kg)
+    less_kgm2 = -(gone_kg * behind_m**2 + (MASS_KG - gone_kg) * ahead_m**2)
+    assert inertia_of_a_load_kgm2(TUCSON, -gone_kg, ahead_m) == pytest.approx(less_kgm2)
 
 
-def test_what_moves_the_cg_far_stands_far_out_but_between_the_axles() -> None:
-    """300 kg that move it by 0.02 m stand within 0.8 m of it, by 0.15 m at 1 m, by 0.24 m at 1.6, behind the axle."""
-    one, fit = loaded()
-    rows, x = rows_of(one), fit.x.copy()
-    slopes = sensitivities(one, rows, x, fit.road, predicted(one, x, fit.road), fit.columns, fit.felt)
-    whole_kg, moved = one.car.mass_kg + ADDED_KG, []
-    out_m = (0.8, 1.0, 0.5 * one.car.wheelbase_m)
-    for shift_m in (-0.02, -ADDED_KG * out_m[1] / whole_kg, -ADDED_KG * 1.6 / whole_kg):
-        x[ADDED], x[SHIFT] = ADDED_KG, shift_m
-        here = Place(x, fit.felt, fit.road, predicted(one, x, fit.road), fit.left, fit.scatter, np.zeros(0))
-        found = spread_by_inertia(one, rows, here, slopes, fit.sums, np.full(len(fit.columns), 1e-6))
-        moved.append(float(found[fit.columns.index(ADDED)]))
-    ratios = np.sqrt(np.array(moved) / moved[0])
-    np.testing.assert_allclose(ratios, np.array(out_m) / 0.8, rtol=0.2)
+def test_a_load_stands_off_the_cg_but_between_the_axles() -> None:
+    least, most = (two_masses_kgm2(ADDED_KG, out_m)[0] for out_m in (0.8, 0.5 * TUCSON.wheelbase_m))
+    assert inertia_of_a_load_kgm2(TUCSON, ADDED_KG, 0.0) == pytest.approx(least)
+    assert inertia_of_a_load_kgm2(TUCSON, ADDED_KG, -0.7) == pytest.approx(most)
+    assert inertia_of_a_load_kgm2(TUCSON, 0.0, 0.3) == 0.0
+
+
+def loaded() -> Drive:
+    """300 kg that stand 1.2 m behind the C.G., and turn with the car."""
+    inertia_kgm2, moved_m = two_masses_kgm2(ADDED_KG, -1.2)
+    numbers = {"mass_loading.added_mass_kg": ADDED_KG, "mass_loading.cg_shift_m": moved_m}
+    return drive({**numbers, "yaw_inertia_kgm2": inertia_kgm2 / TUCSON.yaw_inertia_kgm2}, CITY_V, CITY_STEER)
+
+
+def fit_of(one: Drive, effect: str, turns: float = 0.0) -> Fit:
+    start = nothing()
+    start[[ADDED, TURNS]] = (100.0, turns) if turns else (0.0, 0.0)
+    return fitted(one, rows_of(one), start, (effect,), TOLERANCE, 1e-6)
+
+
+def test_a_load_that_turns_is_no_soft_tyre() -> None:
+    one = loaded()
+    plain = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    load, tyres = fit_of(one, "mass_loading", 1.0), fit_of(one, "cornering_stiffness")
+    assert gained(one, plain, load) > gained(one, plain, tyres) + 20.0
+    for column, truth in ((ADDED, ADDED_KG), (SHIFT, two_masses_kgm2(ADDED_KG, -1.2)[1]), (TURNS, 1.0)):
+        assert load.x[column] == pytest.approx(truth, abs=2.5 * load.std[load.columns.index(column)])
+
+
+def test_a_load_begins_with_nothing_and_with_one_that_turns() -> None:
+    """By one linear step a load of nothing turns nothing."""
+    one = loaded()
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), (), TOLERANCE)
+    starts = [x for new, x in starts_of(one, rows, best, ["mass_loading"]) if new == ("mass_loading",)]
+    assert [(x[ADDED], x[TURNS]) for x in starts] == [(0.0, 0.0), (0.05 * MASS_KG, 1.0)]
+    assert "mass_loading" in screened(one, rows, best, TOLERANCE, map).names
+    assert not any(new == ("mass_loading",) for new, _ in starts_of(one, rows, best, ["gyro_scale"]))
+
+
+def test_how_a_load_turns_is_no_surer_than_a_drive_tells_it() -> None:
+    """Straight ahead nothing tells it: it stays as open as its ends, by more than half of their distance."""
+    one = drive({"mass_loading.added_mass_kg": ADDED_KG}, CITY_V, np.zeros(len(CITY_V)))
+    fit = fit_of(one, "mass_loading", 1.0)
+    assert 0.6 < fit.std[fit.columns.index(TURNS)] < 1.0

@@ -212,6 +212,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "spun_share",
                 "front_drives_more",
                 "fades_per_s",
+                "turns",
                 "sharpness",
                 "ellipse",
                 "leans",
