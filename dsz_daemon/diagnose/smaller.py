@@ -9,7 +9,7 @@ from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted, may_be_a_curve
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
-from dsz_daemon.diagnose.plausible import is_implausible
+from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
@@ -25,6 +25,8 @@ _SHARE_OF_LIMIT = 0.2
 # simplest of a library, of inputs with their noise, and leaves some of what is there.
 _SHARE_OF_SHAPE = 0.1
 
+# What gains so much stands by itself.
+_BY_ITSELF = 100.0
 _INSTRUMENTS = ("gyro", "accel")
 
 
@@ -153,3 +155,25 @@ def without_trifles(
         )
     ]
     return without(drive, rows, best, tolerance, trifles, each) if trifles else best
+
+
+def without_leaners(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
+) -> Fit:
+    """The model without what gains too little to be told where what is not told is out of it.
+
+    A mount that is turned by too little to have a name takes some of what a shape leaves, and what that does to the
+    gyros takes a leak: what is not said is no ground for what is.
+    """
+    names = [effect for effect in best.effects if not is_shape(effect)]
+    silent = {effect for effect in names if not is_told(drive, best, effect)}
+    weak = [effect for effect in names if effect not in silent and gains[effect] < _BY_ITSELF]
+    if not silent or not weak:
+        return best
+    rest = without(drive, rows, best, tolerance, silent, each)
+    leaners = [
+        effect
+        for effect in weak
+        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest) < TOLD_GAIN
+    ]
+    return without(drive, rows, best, tolerance, leaners, each) if leaners else best

@@ -1,0 +1,58 @@
+"""What is not told is no ground for what is: what gains too little without it is not told either."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose import smaller as smaller_module
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.smaller import without_leaners
+
+BOTH = ("imu_misalignment", "gyro_g_sensitivity")
+
+
+@pytest.mark.parametrize(
+    ("told", "gain", "alone", "stays"),
+    [
+        (False, 28.0, 19.0, False),
+        (False, 28.0, 21.0, True),
+        (False, 150.0, 1.0, True),
+        (True, 28.0, 1.0, True),
+    ],
+)
+def test_what_leans_on_what_is_not_told_has_to_go(
+    monkeypatch: pytest.MonkeyPatch, told: bool, gain: float, alone: float, stays: bool
+) -> None:
+    one = drive({"gyro_g_sensitivity.zy": 1e-3}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), BOTH, TOLERANCE)
+    asked: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
+
+    def gained(_drive: Any, smaller: Fit, larger: Fit) -> float:
+        asked.append((smaller.effects, larger.effects))
+        return alone
+
+    monkeypatch.setattr(smaller_module, "gained", gained)
+    monkeypatch.setattr(smaller_module, "is_told", lambda _, __, effect: told or effect == "gyro_g_sensitivity")
+    gains = {"imu_misalignment": 30.0, "gyro_g_sensitivity": gain}
+    rest = without_leaners(one, rows, best, TOLERANCE, gains, map)
+    assert rest.effects == (BOTH if stays else BOTH[:1])
+    assert asked == ([((), ("gyro_g_sensitivity",))] if not told and gain < 100.0 else [])
+
+
+def test_a_search_ends_without_what_leans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two that gain little the first is not told; without it the other gains nothing."""
+    one = drive({"accel_scale.y": 0.02, "gyro_cross_axis.xz": 0.02}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    before = searched(one, rows, TOLERANCE)
+    assert set(before.best.effects) == {"accel_scale", "gyro_cross_axis"}
+    monkeypatch.setattr(smaller_module, "is_told", lambda _, __, effect: effect != "accel_scale")
+    monkeypatch.setattr(smaller_module, "_BY_ITSELF", 1e9)
+    monkeypatch.setattr(smaller_module, "TOLD_GAIN", 1e9)
+    assert searched(one, rows, TOLERANCE).best.effects == ("accel_scale",)
