@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
-from dsz_daemon.diagnose.prediction import Drive, nothing
+from dsz_daemon.diagnose.prediction import Drive, car_of, nothing
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.starts import starts_of
 
@@ -45,6 +45,16 @@ def test_a_load_stands_off_the_cg_but_between_the_axles() -> None:
     assert inertia_of_a_load_kgm2(TUCSON, ADDED_KG, 0.0) == pytest.approx(least)
     assert inertia_of_a_load_kgm2(TUCSON, ADDED_KG, -0.7) == pytest.approx(most)
     assert inertia_of_a_load_kgm2(TUCSON, 0.0, 0.3) == 0.0
+
+
+@pytest.mark.parametrize("turns", [0.0, 0.5, 1.0])
+def test_the_simulations_car_is_as_slow_to_turn_as_car_and_load(turns: float) -> None:
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    inertia_kgm2, moved_m = two_masses_kgm2(ADDED_KG, -1.2)
+    x[[ADDED, SHIFT, TURNS]] = ADDED_KG, moved_m, turns
+    found = car_of(one, x)
+    assert found.yaw_inertia_kgm2 == pytest.approx(TUCSON.yaw_inertia_kgm2 + turns * inertia_kgm2)
+    assert found.mass_kg == pytest.approx(MASS_KG + ADDED_KG)
 
 
 def loaded() -> Drive:
