@@ -24,6 +24,10 @@ from dsz_daemon.diagnose.unlisted import wheel_squares
 
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
+# A wind may be a bank that gains so much of what it does: that is told by a gyro, and judged by more than the yaw rate.
+_MAY_BE_A_BANK = 0.6
+# Of two starts of an effect so close in log likelihood the drive does not choose.
+_ALIKE = 3.0
 # The most promising of two at once; and what makes a gyro show more than its own rate.
 _PAIRS = 3
 _OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
@@ -177,20 +181,31 @@ def enough_first(
     The first by rank need not be the one that gains the most: what gains too little stands in nobody's way. Neither
     does one of which the fit tells nothing: many parameters at once may come near what one of another's does.
     `of_a_car` is asked of what a car does, beside a wind that is felt anew: of a push that lasts little is told, and
-    what holds against it could be anything.
+    what holds against it could be anything. A wind waits for a bank that gains about as much: it takes what the
+    lateral accelerometer has left, whatever that is of.
     """
+    banks = max((step.gain for step in ranked if step.effect == "road_bank"), default=-math.inf)
 
     def gains_enough(step: Step) -> bool:
+        if step.effect == "side_wind" and banks > max(LEAST_GAIN, _MAY_BE_A_BANK * step.gain):
+            return False
         asked = asked_by(step.effect) * (_PROFILE_SHARES if step.effect in OWN_CHANNEL else 1.0)
         if of_a_car > asked and drive.vocabulary.described(step.effect).touches == CAR:
             asked = of_a_car
         return step.gain >= LEAST_GAIN and (step.gain >= asked or is_beyond_form(drive, best, step.fit))
 
     gaining = [step for step in ranked if gains_enough(step)]
-    told = {step.effect for step in gaining if is_told(drive, step.fit, step.effect)}
+    sure = [step for step in gaining if is_told(drive, step.fit, step.effect)]
+    told = {step.effect for step in sure}
     # How low a limit of grip is its curve leaves open: one for a while is told no better than one all the way.
     told |= GRIP if told & GRIP else set()
-    gaining.sort(key=lambda step: step.effect not in told)
+
+    def is_vague(step: Step) -> bool:
+        # From another start the same effect may be told, and gain as much.
+        twins = [one for one in sure if one.effect == step.effect and one.gain > step.gain - _ALIKE]
+        return bool(twins) and all(one is not step for one in sure)
+
+    gaining.sort(key=lambda step: step.effect not in told or is_vague(step))
     return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
 
 

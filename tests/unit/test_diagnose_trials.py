@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.trials import Step, all_tried
+from dsz_daemon.diagnose.trials import Step, all_tried, enough_first
 
 _X = np.zeros(1)
 
@@ -57,3 +57,41 @@ def test_what_gains_from_one_of_its_starts_does_not_wait() -> None:
     trial = _trial([], {"side_wind": [-20.0, 0.5], "road_bank": [-20.0, -3.0], "imu_delay": [0.0]}, ())
     starts = [((name,), _X) for name in ("side_wind", "side_wind", "road_bank", "road_bank", "imu_delay")]
     assert all_tried(trial, starts, (), _enough, map)[1] == {"road_bank", "imu_delay"}
+
+
+@pytest.mark.parametrize(
+    ("wind", "bank", "asked", "order"),
+    [
+        (100.0, 61.0, 5.0, ["road_bank", "gyro_scale", "side_wind"]),
+        # A bank that gains too little to be told may be what it is, too.
+        (100.0, 61.0, 50.0, ["gyro_scale", "side_wind", "road_bank"]),
+        (100.0, 59.0, 50.0, ["side_wind", "gyro_scale", "road_bank"]),
+        # What may be chance is no bank.
+        (12.0, 9.0, 5.0, ["side_wind", "gyro_scale", "road_bank"]),
+    ],
+)
+def test_a_wind_waits_for_a_bank_that_gains_about_as_much(
+    monkeypatch: pytest.MonkeyPatch, wind: float, bank: float, asked: float, order: list[str]
+) -> None:
+    """Those that gain enough first: of a profile that is twice what is asked."""
+    monkeypatch.setattr(trials_module, "is_beyond_form", lambda *_: False)
+    monkeypatch.setattr(trials_module, "is_told", lambda *_: True)
+    none: Any = None
+    gains = {"side_wind": wind, "road_bank": bank, "gyro_scale": 11.0}
+    ranked = [Step(name, gain, none) for name, gain in sorted(gains.items(), key=lambda one: -one[1])]
+    found = enough_first(none, none, ranked, lambda effect: asked if effect == "road_bank" else 5.0)
+    assert [step.effect for step in found] == order
+
+
+@pytest.mark.parametrize(("vague", "first"), [(56.2, "told"), (84.0, "vague")])
+def test_of_two_starts_that_gain_alike_the_one_that_is_told_comes_first(
+    monkeypatch: pytest.MonkeyPatch, vague: float, first: str
+) -> None:
+    monkeypatch.setattr(trials_module, "is_told", lambda _, fit, __: fit != "vague")
+    none: Any = None
+    ranked = [
+        Step("mass_loading", vague, "vague"),  # type: ignore[arg-type]
+        Step("mass_loading", 53.4, "told"),  # type: ignore[arg-type]
+        Step("gyro_scale", 50.0, "other"),  # type: ignore[arg-type]
+    ]
+    assert enough_first(none, none, ranked, lambda _: 5.0)[0].fit == first
