@@ -174,6 +174,7 @@ def without_leaners(
     leaners = [
         effect
         for effect in weak
-        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest) < TOLD_GAIN
+        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest)
+        < TOLD_GAIN * (TOLD_PROFILE if effect in OWN_CHANNEL else 1.0)
     ]
     return without(drive, rows, best, tolerance, leaners, each) if leaners else best

@@ -14,24 +14,27 @@ from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.smaller import without_leaners
 
-BOTH = ("imu_misalignment", "gyro_g_sensitivity")
+MOUNT = "imu_misalignment"
 
 
 @pytest.mark.parametrize(
-    ("told", "gain", "alone", "stays"),
+    ("effect", "told", "gain", "alone", "stays"),
     [
-        (False, 28.0, 19.0, False),
-        (False, 28.0, 21.0, True),
-        (False, 150.0, 1.0, True),
-        (True, 28.0, 1.0, True),
+        ("gyro_g_sensitivity", False, 28.0, 19.0, False),
+        ("gyro_g_sensitivity", False, 28.0, 21.0, True),
+        ("gyro_g_sensitivity", False, 150.0, 1.0, True),
+        ("gyro_g_sensitivity", True, 28.0, 1.0, True),
+        # A profile fits nearly anything, and has to gain twice as much.
+        ("road_bank", False, 60.0, 39.0, False),
+        ("road_bank", False, 60.0, 41.0, True),
     ],
 )
 def test_what_leans_on_what_is_not_told_has_to_go(
-    monkeypatch: pytest.MonkeyPatch, told: bool, gain: float, alone: float, stays: bool
+    monkeypatch: pytest.MonkeyPatch, effect: str, told: bool, gain: float, alone: float, stays: bool
 ) -> None:
     one = drive({"gyro_g_sensitivity.zy": 1e-3}, CITY_V, CITY_STEER)
     rows = rows_of(one)
-    best = fitted(one, rows, nothing(), BOTH, TOLERANCE)
+    best = fitted(one, rows, nothing(), (MOUNT, effect), TOLERANCE)
     asked: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
 
     def gained(_drive: Any, smaller: Fit, larger: Fit) -> float:
@@ -39,11 +42,10 @@ def test_what_leans_on_what_is_not_told_has_to_go(
         return alone
 
     monkeypatch.setattr(smaller_module, "gained", gained)
-    monkeypatch.setattr(smaller_module, "is_told", lambda _, __, effect: told or effect == "gyro_g_sensitivity")
-    gains = {"imu_misalignment": 30.0, "gyro_g_sensitivity": gain}
-    rest = without_leaners(one, rows, best, TOLERANCE, gains, map)
-    assert rest.effects == (BOTH if stays else BOTH[:1])
-    assert asked == ([((), ("gyro_g_sensitivity",))] if not told and gain < 100.0 else [])
+    monkeypatch.setattr(smaller_module, "is_told", lambda _, __, name: told or name == effect)
+    rest = without_leaners(one, rows, best, TOLERANCE, {MOUNT: 30.0, effect: gain}, map)
+    assert rest.effects == ((MOUNT, effect) if stays else (MOUNT,))
+    assert asked == ([((), (effect,))] if not told and gain < 100.0 else [])
 
 
 def test_a_search_ends_without_what_leans(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,6 +47,12 @@ def test_a_load_stands_off_the_cg_but_between_the_axles() -> None:
     assert inertia_of_a_load_kgm2(TUCSON, 0.0, 0.3) == 0.0
 
 
+def test_of_a_car_that_weighs_no_more_than_what_is_taken_off_nothing_turns() -> None:
+    """A quad of 400 kg, at the end of what a load may be: no fault of whoever drives it."""
+    assert inertia_of_a_load_kgm2(TUCSON._replace(mass_kg=400.0), -400.0, 0.1) == 0.0
+    assert inertia_of_a_load_kgm2(TUCSON._replace(mass_kg=390.0), -400.0, 0.1) == 0.0
+
+
 @pytest.mark.parametrize("turns", [0.0, 0.5, 1.0])
 def test_the_simulations_car_is_as_slow_to_turn_as_car_and_load(turns: float) -> None:
     one, x = drive({}, CITY_V, CITY_STEER), nothing()
