@@ -20,12 +20,14 @@ def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
 
-# How quickly a body leans, how soon it is still, and how far the C.G. is above (and ahead of) its axis: never told.
+# How quickly a body leans, how soon it is still, how far the IMU is above (and ahead of) its axis, and what the C.G. is
+# above it: never told.
 _BODY = (
     Parameter("frequency_share", "1", 0.1, -0.7, 1.0, math.inf),
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
     Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
+_SWINGS = Parameter("swings_m", "m", 0.2, -0.3, 1.2, math.inf)
 # How sharply force bends to its limit, and of how much of that drive and brakes take their share.
 _CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
 # What the air slows a car by, over the square of its speed: rho c_d A / 2 over the mass.
@@ -130,7 +132,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The body leans by {roll_gradient_rad_per_mps2:.4f} rad per m/s2 of lateral acceleration",
         "reading_y = a_y + g phi, phi = k a_y when steady",
         CAR,
-        (Parameter("roll_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY),
+        (Parameter("roll_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY, _SWINGS),
     ),
     Effect(
         "suspension_pitch",

@@ -79,9 +79,14 @@ _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {
-    "cornering_stiffness": _TOLERATED[:2],
-    "track_width": (INDEX["front_track_m"], INDEX["rear_track_m"]),
-    "steering_delay": (INDEX["steering_skew_s"],),
+    "cornering_stiffness": {
+        INDEX["cornering_stiffness.front_scale"]: _TOLERATED[0],
+        INDEX["cornering_stiffness.rear_scale"]: _TOLERATED[1],
+    },
+    "track_width": {INDEX["track_width.front"]: INDEX["front_track_m"], INDEX["track_width.rear"]: INDEX["rear_track_m"]},
+    "steering_delay": {INDEX["steering_delay.delay_s"]: INDEX["steering_skew_s"]},
+    # In a body that leans both feel the same swing.
+    "imu_lever_arm": {_ARM_UP: INDEX["suspension_roll.above_m"]},
 }
 # What one wheel has, and not all of them: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})
@@ -191,7 +196,7 @@ def fitted(
     there.
     """
     words = drive.vocabulary
-    hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, ())}
+    hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {_LARGE_ANGLES} if float(np.max(np.abs(drive.steer))) < _LARGE_RAD else set()
     hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
     first = [i for i in nuisances(tolerance) if i not in hidden]
@@ -201,7 +206,7 @@ def fitted(
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     columns = (
         *first,
-        *(i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold),
+        *(i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold | hidden),
     )
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
@@ -209,7 +214,7 @@ def fitted(
     x[moments] = np.minimum(x[moments], len(drive.steer) * DT_S)
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
-        for mine, other in zip(words.columns_of(effect), _INSTEAD_OF.get(effect, ()), strict=False):
+        for mine, other in _INSTEAD_OF.get(effect, {}).items():
             x[mine], x[other] = x[mine] + x[other], 0.0
     profiles = set(effects) & set(OWN_CHANNEL)
     if felt is not None and profiles - felt.profiles == {"side_wind"} and felt.profiles < profiles:

@@ -63,6 +63,7 @@ class CarModel(NamedTuple):
     front_track_m: float
     hasty_s: float
     load_height_m: float
+    swings_m: float
 
 
 @compiled
@@ -181,9 +182,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             carried_mps2 += taken * (v_rate[i] - r * vy + uphill - carried_mps2)
             front_loaded, rear_loaded = _loaded(car, carried_mps2)
         per_v = 1.0 / max(v, ROLLING_MPS)
-        heading = (vy + lf * r) * per_v
+        ground = vy + car.swings_m * roll_rate
+        heading = (ground + lf * r) * per_v
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
-            slips = atan_of(heading) - delta, atan_of((vy - lr * r) * per_v)
+            slips = atan_of(heading) - delta, atan_of((ground - lr * r) * per_v)
             front = (
                 front_loaded
                 * front_free[i]
@@ -208,6 +210,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
         row[10], row[11] = v, ay - pulled_mps2
         # The body on its springs, to the next row.
+        swung = roll_rate
         lean = car.roll_gradient * ((1.0 - lean_share) * (ay - pulled_mps2) + lean_mps2[i])
         roll_rate += dt_s * (roll_spring * (lean - roll) - roll_damper * roll_rate)
         roll += dt_s * roll_rate
@@ -224,8 +227,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         per_v = 1.0 / v_mid
-        heading = (vy_mid + lf * r_mid) * per_v
-        slips = atan_of(heading) - delta_mid, atan_of((vy_mid - lr * r_mid) * per_v)
+        ground = vy_mid + 0.5 * car.swings_m * (swung + roll_rate)
+        heading = (ground + lf * r_mid) * per_v
+        slips = atan_of(heading) - delta_mid, atan_of((ground - lr * r_mid) * per_v)
         front_goal = (
             front_loaded * front_free[i] * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
         )

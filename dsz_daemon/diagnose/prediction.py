@@ -225,6 +225,7 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         front_track_m,
         at("hasty_s"),
         at("load_height_m"),
+        at("suspension_roll.swings_m"),
     )
 
 

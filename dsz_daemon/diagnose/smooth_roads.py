@@ -25,9 +25,9 @@ SURER = 10.0
 # How long a body takes to lean; rad: smoother is no road that a gyro has felt.
 _REACH, _SMOOTHEST_RAD = round(0.5 / DT_S), 1e-4
 _BANK, _LEAN = "road_bank", "suspension_roll"
-# How high the IMU sways above the roll axis makes no other bank of what a gyro feels, but of what forces show.
+# How high the C.G. sways above the roll axis makes no other bank of what a gyro feels, but of what forces show.
 _NUMBERS = tuple(
-    INDEX[f"{_LEAN}.{name}"] for name in ("roll_gradient_rad_per_mps2", "frequency_share", "damping", "above_m")
+    INDEX[f"{_LEAN}.{name}"] for name in ("roll_gradient_rad_per_mps2", "frequency_share", "damping", "swings_m")
 )
 
 

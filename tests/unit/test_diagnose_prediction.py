@@ -205,6 +205,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "frequency_share",
                 "damping",
                 "above_m",
+                "swings_m",
                 "ahead_m",
                 "front_brakes_more",
                 "air_per_m",

@@ -80,7 +80,7 @@ def test_normal_equations_are_those_of_what_a_fit_loses_by_bends() -> None:
     bent = bends(one, felt(x), x)
     found, usual = leaning(slopes_of_bends(one, felt, x, bent), bent), roughness(bent)
     names = [one.vocabulary.columns[i][1].name for i in found.columns]
-    assert names == ["roll_gradient_rad_per_mps2", "frequency_share", "damping", "above_m"]
+    assert names == ["roll_gradient_rad_per_mps2", "frequency_share", "damping", "swings_m"]
 
     def lost(by: float) -> float:
         there = leant(0.008 + by)
