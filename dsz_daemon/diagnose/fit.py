@@ -79,14 +79,16 @@ _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 # Effects that are what may be a little off anyway, with more room.
 _INSTEAD_OF = {
-    "cornering_stiffness": {
-        INDEX["cornering_stiffness.front_scale"]: _TOLERATED[0],
-        INDEX["cornering_stiffness.rear_scale"]: _TOLERATED[1],
-    },
-    "track_width": {INDEX["track_width.front"]: INDEX["front_track_m"], INDEX["track_width.rear"]: INDEX["rear_track_m"]},
-    "steering_delay": {INDEX["steering_delay.delay_s"]: INDEX["steering_skew_s"]},
-    # In a body that leans both feel the same swing.
-    "imu_lever_arm": {_ARM_UP: INDEX["suspension_roll.above_m"]},
+    effect: {INDEX[f"{effect}.{mine}"]: INDEX[other] for mine, other in pairs}
+    for effect, pairs in {
+        "cornering_stiffness": [
+            (f"{axle}_scale", f"{axle}_cornering_stiffness_n_per_rad") for axle in ("front", "rear")
+        ],
+        "track_width": [("front", "front_track_m"), ("rear", "rear_track_m")],
+        "steering_delay": [("delay_s", "steering_skew_s")],
+        # In a body that leans both feel the same swing.
+        "imu_lever_arm": [("z_m", "suspension_roll.above_m")],
+    }.items()
 }
 # What one wheel has, and not all of them: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})

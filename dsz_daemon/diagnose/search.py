@@ -22,7 +22,15 @@ from dsz_daemon.diagnose.moments import in_the_middle
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
-from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_leaners, without_trifles, worth_now
+from dsz_daemon.diagnose.smaller import (
+    Grown,
+    asked_of,
+    plausible,
+    without_courses,
+    without_leaners,
+    without_trifles,
+    worth_now,
+)
 from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.trials import SURELY, Step, Trial, all_tried, enough_first, rank_by, rivals_of, two_at_once
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
@@ -151,6 +159,7 @@ def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
     best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
     best = without_leaners(found.drive, found.rows, best, tolerance, gains, each)
+    best = without_courses(found.drive, found.rows, best, tolerance, gains, each)
     best = in_the_middle(found.drive, found.rows, best, tolerance, each)
     shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
     return found._replace(

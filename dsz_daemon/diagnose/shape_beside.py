@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of, with_shapes
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
 from dsz_daemon.diagnose.unlisted import (
+    BY_CHANCE,
     CHOSEN_OF_MANY,
     LEAST_ROWS,
     Found,
@@ -61,25 +62,49 @@ def shape_beside(
     That is how names are judged: what the first refit bends to a shape must not leave it a name's size. `known`:
     sensitivities at the model's end; `mute` (13,): channels that have nothing to gain, as of `gain`.
     """
+    there = with_shapes(fit.effects)
+    return _likeliest(drive, rows, fit, known, tolerance, mute, [name for name in IMU_CHANNELS if name not in there])
+
+
+def another_course(
+    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], channels: Collection[str]
+) -> float:
+    """What a second course gains on channels that have a shape already, as if it were not the best of many.
+
+    The first is the simplest of a library: what it leaves is its own form's.
+    """
+    found = _likeliest(drive, rows, fit, known, tolerance, quiet(drive, fit), channels)
+    return found.gain + BY_CHANCE if found is not None else 0.0
+
+
+def _likeliest(
+    drive: Drive,
+    rows: Rows,
+    fit: Fit,
+    known: Slopes,
+    tolerance: Mapping[str, float],
+    mute: Bools,
+    channels: Collection[str],
+) -> Found | None:
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     model = sums(rows, fit.left, slopes, fit.scatter)
     # Of parameters that the drive does not tell apart none is told: no solution, but no reason to end either.
     bread = inverse(model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
-    tried = sorted(_shapes(drive, rows, fit, slopes), key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
+    shapes = _shapes(drive, rows, fit, slopes, channels)
+    tried = sorted(shapes, key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
     judged = [_judged(drive, rows, fit, slopes, model, box, shape, mute) for shape in tried]
     return max(judged, key=lambda found: found.gain, default=None)
 
 
-def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats) -> list[_Shape]:
-    """Each shape of each channel that has none yet, with its sums by block, in the channels' scatter."""
-    there = with_shapes(fit.effects)
+def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats, channels: Collection[str]) -> list[_Shape]:
+    """Each shape of each of these channels, with its sums by block, in the channels' scatter."""
     library_here = library(driven(drive, fit.x, fit.road), drive.steer)
     names, courses = list(library_here), np.column_stack([course for course, _ in library_here.values()])
     blocks, found = int(rows.block[-1]) + 1, []
     for c, channel in enumerate(IMU_CHANNELS):
         used = rows.used[:, c]
-        if channel in there or np.count_nonzero(used) < LEAST_ROWS:
+        if channel not in channels or np.count_nonzero(used) < LEAST_ROWS:
             continue
         scatter = fit.scatter[rows.block, c]
         # What is the same all the way is the offset's.

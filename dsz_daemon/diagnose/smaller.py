@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import cached_property
 
-from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, fitted, may_be_a_curve
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve, with_shapes
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
-from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.prediction import Drive, predicted
+from dsz_daemon.diagnose.shape_beside import another_course
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import is_shape
@@ -178,3 +179,25 @@ def without_leaners(
         < TOLD_GAIN * (TOLD_PROFILE if effect in OWN_CHANNEL else 1.0)
     ]
     return without(drive, rows, best, tolerance, leaners, each) if leaners else best
+
+
+def without_courses(
+    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
+) -> Fit:
+    """The model without what gains little, beside a shape of its own instrument, and no more than that bent otherwise.
+
+    A shape is the simplest of a library. Between a square and a cube it leaves what a scale does, too.
+    """
+    shaped = with_shapes(best.effects)
+    for effect in [name for name in best.effects if not is_shape(name) and gains[name] < _BY_ITSELF]:
+        instrument = effect.partition("_")[0]
+        channels = [channel for channel in shaped if instrument in _INSTRUMENTS and channel.startswith(instrument)]
+        if not channels:
+            continue
+        rest = without(drive, rows, best, tolerance, (effect,), each)
+        base = predicted(drive, rest.x, rest.road)
+        slopes = sensitivities(drive, rows, rest.x, rest.road, base, rest.columns, rest.felt, each)
+        known = Slopes(rest.x, rest.effects, rest.columns, slopes)
+        if another_course(drive, rows, rest, known, tolerance, channels) > gained(drive, rest, best):
+            best = rest
+    return best
