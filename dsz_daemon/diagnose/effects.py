@@ -27,7 +27,7 @@ _BODY = (
     Parameter("damping", "1", 0.1, -0.25, 0.6, math.inf),
     Parameter("above_m", "m", 0.2, -0.5, 1.0, math.inf),
 )
-_SWINGS = Parameter("swings_m", "m", 0.2, -0.3, 1.2, math.inf)
+_SWINGS = Parameter("swings_m", "m", 0.2, 0.0, 1.2, math.inf)
 # How sharply force bends to its limit, and of how much of that drive and brakes take their share.
 _CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
 # What the air slows a car by, over the square of its speed: rho c_d A / 2 over the mass.
