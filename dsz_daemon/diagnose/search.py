@@ -32,8 +32,9 @@ from dsz_daemon.diagnose.smaller import (
     worth_now,
 )
 from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.swaps import in_its_place
 from dsz_daemon.diagnose.trials import SURELY, Step, Trial, all_tried, enough_first, rank_by, rivals_of, two_at_once
-from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
+from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found, is_shape
 
 Progress = Callable[[str], None]
 
@@ -134,7 +135,8 @@ def searched(
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
-    return _kept(Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, each)
+    found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
 
 
 def _without_its_twin(
@@ -152,6 +154,31 @@ def _without_its_twin(
             rivals[effect] = (Step(effect, gains[effect], settled),)
             elsewhere[effect] = {}
     return settled
+
+
+def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progress, each: Each) -> Search:
+    """What came before others did gives its place to a rival that gains more beside these."""
+    best, gains, elsewhere = found.best, dict(found.gains), dict(found.elsewhere)
+    rivals = dict(found.rivals)
+    # The newest was held against all of them beside the same.
+    for effect in best.effects[:-1]:
+        if is_shape(effect):
+            continue
+        say(f"trying what came near {effect} in its place")
+        others = in_its_place(found.drive, found.rows, found.nominal, best, effect, rivals[effect], tolerance, each)
+        if not others:
+            continue
+        top = next(step.gain for step in rivals[effect] if step.effect == effect)
+        tried = [Step(effect, top, best), *(step._replace(gain=top + step.gain) for step in others)]
+        again = {step.effect for step in tried}
+        steps = (*tried, *(step for step in rivals[effect] if step.effect not in again))
+        first, more = (others[0].effect, others[0].gain) if others[0].gain > 0.0 else (effect, 0.0)
+        if first != effect:
+            best = others[0].fit
+            gains[first], elsewhere[first] = gains.pop(effect) + more, {}
+            del rivals[effect]
+        rivals[first] = steps
+    return found._replace(best=best, gains=gains, rivals=rivals, elsewhere=elsewhere)
 
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:

@@ -1,0 +1,62 @@
+"""One effect in another's place: what was chosen before others came is held against its rivals beside all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Each, Rows
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
+from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.trials import Step
+
+# Of what an effect gained when it was chosen, a rival worth another look.
+_NEAR = 0.75
+# Those that come as the road, or the air, is felt; and a limit of grip, which has a curve for its rival.
+_NEVER = frozenset({*OWN_CHANNEL, *GRIP})
+
+
+def in_its_place(
+    drive: Drive,
+    rows: Rows,
+    nominal: Fit,
+    best: Fit,
+    effect: str,
+    rivals: Sequence[Step],
+    tolerance: Mapping[str, float],
+    each: Each,
+) -> list[Step]:
+    """What rivals of an effect gain more than it does (or less, below 0) beside all else in the model, the most first.
+
+    Those that came near it when it was chosen, and what turns a car as it does. What is implausible there is none.
+    """
+    if effect in _NEVER:
+        return []
+    first = {step.effect: step for step in reversed(rivals)}
+    least = _NEAR * first[effect].gain
+    near = {name for name, step in first.items() if step.gain > least and name not in _NEVER}
+    near |= SAME_TURN if effect in SAME_TURN else set()
+
+    def fit(name: str) -> Fit:
+        start, own = best.x.copy(), list(drive.vocabulary.columns_of(name))
+        start[list(drive.vocabulary.columns_of(effect))] = 0.0
+        start[own] = first[name].fit.x[own] if name in first else 0.0
+        effects = tuple(name if one == effect else one for one in best.effects)
+        return fitted(drive, rows, start, effects, tolerance, felt=best.felt)
+
+    names = sorted(near - set(best.effects))
+    found = [
+        Step(name, _more(drive, nominal, best, there), there)
+        for name, there in zip(names, each(fit, names), strict=True)
+        if is_told(drive, there, name) and not is_implausible(drive, rows, there, name)
+    ]
+    return sorted(found, key=lambda step: -step.gain)
+
+
+def _more(drive: Drive, nominal: Fit, before: Fit, after: Fit) -> float:
+    """As rivals: what is left hangs together more or less, so the same rows count."""
+    same = np.exp(np.mean(np.log([before.per_row, after.per_row]), axis=0))
+    return gained(drive, nominal, after, same) - gained(drive, nominal, before, same)
