@@ -135,8 +135,13 @@ def searched(
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
-    found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
-    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
+    return _kept(
+        _each_in_its_place(
+            Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, say, each
+        ),
+        tolerance,
+        each,
+    )
 
 
 def _without_its_twin(
