@@ -33,7 +33,17 @@ from dsz_daemon.diagnose.smaller import (
 )
 from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.swaps import in_its_place
-from dsz_daemon.diagnose.trials import SURELY, Step, Trial, all_tried, enough_first, rank_by, rivals_of, two_at_once
+from dsz_daemon.diagnose.trials import (
+    SURELY,
+    Step,
+    Trial,
+    all_tried,
+    enough_first,
+    rank_by,
+    rivals_of,
+    two_at_once,
+    two_instead,
+)
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found, is_shape
 
 Progress = Callable[[str], None]
@@ -98,20 +108,18 @@ def searched(
             of_a_car=beside * best.felt.is_anew,
         )
         tried, waits = all_tried(trial, starts, waits, enough, each)
-        named = max((step.gain for step in tried), default=0.0)
-        shape = likeliest_shape(drive, rows, best, screening.known, tolerance, beside=named > LEAST_GAIN)
-        if shape is not None and shape.gain > SURELY * named:
-            there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)
-            is_enough = shape.gain >= asked_of(there, shape.effect.name, gains) or is_beyond_form(drive, best, shaped)
-            if is_enough and shape.gain > max(SURELY * named, LEAST_GAIN):
-                say(f"{shape.channel} has a shape without a name: {shape.shape}")
-                name, drive, best = shape.effect.name, there, shaped
-                gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
-                # One that had to go may come back.
-                shapes += [] if name in {known.effect.name for known in shapes} else [shape]
-                nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
-                continue
-        tried = enough(tried) or two_at_once(trial, screening, refused, each)
+        shaped = _nameless(trial, tried, gains, each)
+        two = two_instead(trial, screening, refused, shaped[-1], each) if shaped is not None else []
+        if shaped is not None and not two:
+            drive, best, shape = shaped
+            say(f"{shape.channel} has a shape without a name: {shape.shape}")
+            name = shape.effect.name
+            gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
+            # One that had to go may come back.
+            shapes += [] if name in {known.effect.name for known in shapes} else [shape]
+            nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
+            continue
+        tried = two or enough(tried) or two_at_once(trial, screening, refused, each)
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
             best = anew
             continue
@@ -206,6 +214,20 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
         return None
     best = trial.best
     return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+
+
+def _nameless(
+    trial: Trial, tried: Sequence[Step], gains: Mapping[str, float], each: Each
+) -> tuple[Drive, Fit, Found] | None:
+    """What has no name and gains more than all that was tried: the drive with its row, the model with it, and itself."""
+    named = max((step.gain for step in tried), default=0.0)
+    drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
+    shape = likeliest_shape(drive, rows, best, trial.known, tolerance, beside=named > LEAST_GAIN)
+    if shape is None or shape.gain <= SURELY * named:
+        return None
+    there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)
+    is_enough = shape.gain >= asked_of(there, shape.effect.name, gains) or is_beyond_form(drive, best, shaped)
+    return (there, shaped, shape) if is_enough and shape.gain > max(SURELY * named, LEAST_GAIN) else None
 
 
 def _shaped(

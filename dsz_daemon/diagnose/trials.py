@@ -17,10 +17,10 @@ from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, S
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
-from dsz_daemon.diagnose.prediction import Drive, Floats
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
 from dsz_daemon.diagnose.starts import Start
-from dsz_daemon.diagnose.unlisted import wheel_squares
+from dsz_daemon.diagnose.unlisted import Found, wheel_squares
 
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
@@ -31,6 +31,8 @@ _ALIKE = 3.0
 # The most promising of two at once; and what makes a gyro show more than its own rate.
 _PAIRS = 3
 _OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
+# Than a shape, for two to come in its place.
+_SO_MUCH_MORE = 2.0
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
@@ -224,12 +226,29 @@ def two_at_once(trial: Trial, screening: Screening, refused: set[str], each: Eac
         if off[OWN_CHANNEL[road]] and feels(trial.drive, trial.rows, trial.best, road)
         for other in [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
     ]
-    pairs = [pair for pair in (*roads, *screening.pairs(off)[:_PAIRS]) if not set(pair) & refused]
-    tried = _judged(trial, each(trial.fit, [(pair, trial.best.x) for pair in pairs]), each)
-    return sorted(
-        (step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)),
-        key=lambda step: -step.gain,
-    )
+    tried = _tried_at_once(trial, (*roads, *screening.pairs(off)[:_PAIRS]), refused, each)
+    return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
+
+
+def two_instead(trial: Trial, screening: Screening, refused: set[str], shape: Found, each: Each) -> list[Step]:
+    """Two effects in place of a shape, the most first, where they gain much more: a scale that a ratio hides bends.
+
+    Two fit more than one, and may be any of some hundred.
+    """
+    shown = np.array([channel == shape.channel for channel in CHANNELS])
+    tried = _tried_at_once(trial, screening.pairs(shown)[:_PAIRS], refused, each)
+    new = len(trial.best.effects)
+    return [
+        step
+        for step in tried
+        if step.gain > _SO_MUCH_MORE * shape.gain
+        and all(is_told(trial.drive, step.fit, effect) for effect in step.fit.effects[new:])
+    ]
+
+
+def _tried_at_once(trial: Trial, pairs: Sequence[tuple[str, str]], refused: set[str], each: Each) -> list[Step]:
+    starts = [(pair, trial.best.x) for pair in pairs if not set(pair) & refused]
+    return sorted(_judged(trial, each(trial.fit, starts), each), key=lambda step: -step.gain)
 
 
 def rivals_of(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:
