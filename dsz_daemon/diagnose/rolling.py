@@ -100,7 +100,8 @@ def rolling(
     front_mps = rolled_mps * kept if by_front else np.zeros(0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
     rate = rate_of(v, DT_S)
-    steer_rad = steer_rad + np.where(rate > 0.0, aside[0], aside[1]) * rate
+    pull_mps2 = rate + G * grade_rad + _ROLLS_MPS2 + _AIR_PER_M * v * v
+    steer_rad = steer_rad + np.where(pull_mps2 > 0.0, aside[0], aside[1]) * pull_mps2
     return Rolling(steer_rad, v, rate, front_mps, front_slip, rear_slip, *free)
 
 

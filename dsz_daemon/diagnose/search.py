@@ -189,7 +189,7 @@ def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progr
         if first != effect:
             best = others[0].fit
             gains[first], elsewhere[first] = gains.pop(effect) + more, {}
-            del rivals[effect]
+            del rivals[effect], elsewhere[effect]
         rivals[first] = steps
     return found._replace(best=best, gains=gains, rivals=rivals, elsewhere=elsewhere)
 
@@ -219,7 +219,7 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
 def _nameless(
     trial: Trial, tried: Sequence[Step], gains: Mapping[str, float], each: Each
 ) -> tuple[Drive, Fit, Found] | None:
-    """What has no name and gains more than all that was tried: the drive with its row, the model with it, and itself."""
+    """What has no name and gains more than what was tried: the drive with its row, the model with it, and itself."""
     named = max((step.gain for step in tried), default=0.0)
     drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
     shape = likeliest_shape(drive, rows, best, trial.known, tolerance, beside=named > LEAST_GAIN)

@@ -1,0 +1,174 @@
+"""What came before others did is held against its rivals beside these; two that hide each other, against a shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose import search as search_module
+from dsz_daemon.diagnose import swaps as swaps_module
+from dsz_daemon.diagnose.comparison import Rows, rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.prediction import Drive, nothing
+from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.swaps import in_its_place
+from dsz_daemon.diagnose.trials import Step, Trial, two_instead
+from dsz_daemon.diagnose.unlisted import as_effect
+
+SLOW = {"sensor_bandwidth.time_constant_s": 0.08}
+LATE = {"imu_delay.delay_s": 0.04}
+TYRES = {"tyre_relaxation.relaxation_length_m": 0.8}
+
+
+def fits(one: Drive, *of: tuple[str, ...]) -> tuple[Rows, list[Fit]]:
+    rows = rows_of(one)
+    return rows, [fitted(one, rows, nothing(), effects, TOLERANCE) for effects in of]
+
+
+@pytest.mark.parametrize(
+    ("left_out", "true", "other"), [(SLOW, "sensor_bandwidth", "imu_delay"), (LATE, "imu_delay", "sensor_bandwidth")]
+)
+def test_beside_what_came_later_the_one_that_is_there_gains_more(
+    left_out: dict[str, float], true: str, other: str
+) -> None:
+    one = drive(left_out | TYRES, CITY_V, CITY_STEER)
+    rows, [level, mine, its, right, wrong] = fits(
+        one, (), (true,), (other,), (true, "tyre_relaxation"), (other, "tyre_relaxation")
+    )
+    rivals = [Step(other, 900.0, its), Step(true, 800.0, mine)]
+    [better] = in_its_place(one, rows, level, wrong, other, rivals, TOLERANCE, map)
+    assert (better.effect, better.fit.effects) == (true, (true, "tyre_relaxation"))
+    assert better.gain > 10.0
+    for name, value in (left_out | TYRES).items():
+        assert better.fit.x[INDEX[name]] == pytest.approx(value, rel=0.15)
+    [worse] = in_its_place(one, rows, level, right, true, rivals, TOLERANCE, map)
+    assert worse.effect == other
+    assert worse.gain == pytest.approx(-better.gain, rel=0.05)
+
+
+def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive(SLOW | TYRES, CITY_V, CITY_STEER)
+    rows, [level, both] = fits(one, (), ("sensor_bandwidth", "tyre_relaxation"))
+    tried: list[str] = []
+
+    def fit(_: Any, __: Any, ___: Any, effects: tuple[str, ...], *____: Any, **_____: Any) -> Fit:
+        tried.append(effects[0])
+        return both
+
+    def names(effect: str, *rivals: tuple[str, float]) -> list[str]:
+        tried.clear()
+        steps = [Step(name, gain, level) for name, gain in ((effect, 100.0), *rivals)]
+        best = both._replace(effects=(effect, "tyre_relaxation"))
+        in_its_place(one, rows, level, best, effect, steps, TOLERANCE, map)
+        return tried.copy()
+
+    monkeypatch.setattr(swaps_module, "fitted", fit)
+    assert names("gyro_scale", ("accel_scale", 76.0), ("imu_delay", 74.0)) == ["accel_scale"]
+    assert names("gyro_scale", ("road_bank", 99.0), ("tyre_saturation", 99.0), ("tyre_relaxation", 99.0)) == []
+    assert names("side_wind", ("gyro_scale", 99.0)) == []
+    assert names("low_friction", ("gyro_scale", 99.0)) == []
+    # What turns a car alike is always tried, however it came in.
+    assert names("mass_loading", ("gyro_scale", 10.0)) == ["cornering_stiffness", "steering_compliance"]
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_what_is_not_told_there_takes_no_place(monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
+    one = drive(SLOW | TYRES, CITY_V, CITY_STEER)
+    rows, [level, its, both] = fits(one, (), ("sensor_bandwidth",), ("imu_delay", "tyre_relaxation"))
+    monkeypatch.setattr(swaps_module, "is_told", lambda *_: told)
+    rivals = [Step("imu_delay", 100.0, its), Step("sensor_bandwidth", 90.0, its)]
+    assert bool(in_its_place(one, rows, level, both, "imu_delay", rivals, TOLERANCE, map)) == told
+
+
+def test_a_sensor_that_is_slow_comes_back_once_the_tyres_are_known() -> None:
+    """Alone, slow and late are nearly the same, and tyres that are late besides choose the wrong one of them."""
+    one = drive({"sensor_bandwidth.time_constant_s": 0.04} | TYRES, CITY_V, CITY_STEER)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert found.best.effects == ("sensor_bandwidth", "tyre_relaxation")
+    gains = {step.effect: step.gain for step in found.rivals["sensor_bandwidth"]}
+    assert gains["sensor_bandwidth"] > gains["imu_delay"]
+
+
+@pytest.mark.parametrize(("more", "stays"), [(5.0, False), (-5.0, True)])
+def test_a_search_gives_the_place_to_what_gains_more(monkeypatch: pytest.MonkeyPatch, more: float, stays: bool) -> None:
+    one = drive({"sensor_bandwidth.time_constant_s": 0.04} | TYRES, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    asked: list[str] = []
+    monkeypatch.setattr(search_module, "_kept", lambda found, *_: found)
+    monkeypatch.setattr(search_module, "in_its_place", lambda *_: [])
+    before = searched(one, rows, TOLERANCE)
+    oldest, newest = before.best.effects
+    assert (oldest, newest) == ("imu_delay", "tyre_relaxation")
+
+    def place(_: Any, __: Any, ___: Any, best: Fit, effect: str, *____: Any) -> list[Step]:
+        asked.append(effect)
+        return [Step("gyro_scale", more, best._replace(effects=("gyro_scale", newest)))]
+
+    monkeypatch.setattr(search_module, "in_its_place", place)
+    found = searched(one, rows, TOLERANCE)
+    # The newest has been held against all of them already.
+    assert asked == [oldest]
+    there = oldest if stays else "gyro_scale"
+    assert found.best.effects == (there, newest)
+    assert set(found.gains) == set(found.rivals) == set(found.elsewhere) == {there, newest}
+    assert found.gains[there] == pytest.approx(before.gains[oldest] + max(more, 0.0))
+    gains = {step.effect: step.gain for step in found.rivals[there]}
+    assert gains["gyro_scale"] - gains[oldest] == pytest.approx(more)
+
+
+def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_much() -> None:
+    one = drive({"gyro_scale.z": -0.03, "steering_ratio.scale": 0.05}, CITY_V, CITY_STEER)
+    rows, [level] = fits(one, ())
+    screening = screened(one, rows, level, TOLERANCE, map)
+    trial = Trial(one, rows, level, TOLERANCE, screening.known)
+    shape = search_module.Found(
+        as_effect("gyro_z", "ay^3", CITY_STEER, "1", 1.0), "gyro_z", "k*ay^3", 1.0, 0.0, 1.0, 0.1
+    )
+    [first, *_] = two_instead(trial, screening, set(), shape, map)
+    assert set(first.fit.effects) == {"gyro_scale", "steering_ratio"}
+    for share, there in ((0.49, True), (0.51, False)):
+        steps = two_instead(trial, screening, set(), shape._replace(gain=share * first.gain), map)
+        assert (first.fit.effects in [step.fit.effects for step in steps]) == there
+    assert first.fit.effects not in [
+        step.fit.effects for step in two_instead(trial, screening, {"gyro_scale"}, shape, map)
+    ]
+
+
+def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({"gyro_scale.z": -0.03, "steering_ratio.scale": 0.05}, CITY_V, CITY_STEER)
+    rows, [level] = fits(one, ())
+    shape = search_module.Found(
+        as_effect("gyro_z", "ay^3", CITY_STEER, "1", 1.0), "gyro_z", "k*ay^3", 1.0, 0.0, 1.0, 0.1
+    )
+    given: list[Any] = [(one, level, shape)]
+    monkeypatch.setattr(search_module, "_nameless", lambda *_: given.pop() if given else None)
+    monkeypatch.setattr(search_module, "all_tried", lambda *_: ([], frozenset()))
+    said: list[str] = []
+    found = searched(one, rows, TOLERANCE, said.append)
+    assert set(found.best.effects) == {"gyro_scale", "steering_ratio"}
+    assert not given
+    assert "without a name" not in " ".join(said)
+    # One that gains enough is taken itself.
+    given.append((one, level, shape._replace(gain=1e6)))
+    searched(one, rows, TOLERANCE, said.append)
+    assert "gyro_z has a shape without a name: k*ay^3" in said
+
+
+def test_in_a_body_that_leans_the_height_of_an_arm_is_the_imus_own() -> None:
+    """Both are the IMU above what leans: beside an arm the lean has none, and what it had is the arm's."""
+    up, above = INDEX["imu_lever_arm.z_m"], INDEX["suspension_roll.above_m"]
+    lean = {"suspension_roll.roll_gradient_rad_per_mps2": 0.01}
+    one = drive(lean | {"imu_lever_arm.x_m": 0.4, "imu_lever_arm.z_m": 0.3}, CITY_V, CITY_STEER)
+    rows, [alone] = fits(one, ("suspension_roll",))
+    assert above in alone.columns
+    start = alone.x.copy()
+    start[above] = 0.25
+    both = fitted(one, rows, start, ("suspension_roll", "imu_lever_arm"), TOLERANCE)
+    assert above not in both.columns
+    assert both.x[above] == 0.0
+    assert both.x[up] == pytest.approx(0.3, abs=3.0 * both.std[both.columns.index(up)])
+    assert both.std[both.columns.index(up)] < 0.1
