@@ -314,6 +314,7 @@ FORM = (
     *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
     *_even("hasty_s", "s", 0.002, 0.005, math.inf),
     *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 5e-3, math.inf),
+    Parameter("steers_by_force", "1", 0.5, 0.0, 1.2, math.inf),
 )
 
 

@@ -26,6 +26,7 @@ from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.mounts import MOUNT, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 from dsz_daemon.diagnose.smooth_roads import (
@@ -93,8 +94,6 @@ _INSTEAD_OF = {
 # What one wheel has, and not all of them: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
-# A car that goes to one side as it is driven does so by what drives it, which is what slows it at even speed.
-_COASTS_MPS2, _PULLS = 0.3, (INDEX["drive_steer"], INDEX["brake_steer"])
 # Of how much a load turns with a car more is known than its ends: all of it, or nothing.
 _TURNS, _SURER_THAN_ITS_ENDS = INDEX[f"{LOAD}.turns"], 2.0
 # What simulations hold their inputs for: no delay is surer than that.
@@ -201,6 +200,7 @@ def fitted(
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {_LARGE_ANGLES} if float(np.max(np.abs(drive.steer))) < _LARGE_RAD else set()
     hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
+    hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
@@ -320,7 +320,7 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
         std[at] = math.hypot(std[at], _A_STEP_S)
     if "steering_offset" in effects:
         at = columns.index(INDEX["steering_offset.offset_rad"])
-        std[at] = math.hypot(std[at], _COASTS_MPS2 * max(abs(float(x[i])) for i in _PULLS))
+        std[at] = math.hypot(std[at], offset_by_a_pull_rad(x))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, _IMU)
         for i, more in zip(words.columns_of("bias_drift")[:_IMU], slow.tolist(), strict=True):

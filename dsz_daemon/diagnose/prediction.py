@@ -48,7 +48,7 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
-    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer"}
+    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -256,7 +256,7 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
     slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
-    aside = at("drive_steer"), at("brake_steer")
+    aside = at("drive_steer"), at("brake_steer"), at("steers_by_force")
     return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad, aside)
 
 

@@ -78,12 +78,13 @@ def rolling(
     slip: Slip,
     ellipse: Floats,
     grade_rad: Floats,
-    aside: tuple[float, float] = (0.0, 0.0),
+    aside: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Rolling:
     """Of what the axle that gives the speed rolls, along its wheels (n,); that is the front one if `by_front`.
 
     `ellipse` (n,): 1/friction^2, of which drive and brakes take their part. `aside`: by how much the front wheels seem
-    turned over the speed's rate, as the car is driven and as it is braked, rad/(m/s^2).
+    turned over the speed's rate, as the car is driven and as it is braked, rad/(m/s^2); and how much of what slows a
+    car by itself is in that rate: all, where it is the force at the wheels that does it.
     """
     v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share, slip.front_drives_more)
     if by_front:
@@ -100,7 +101,7 @@ def rolling(
     front_mps = rolled_mps * kept if by_front else np.zeros(0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
     rate = rate_of(v, DT_S)
-    pull_mps2 = rate + G * grade_rad + _ROLLS_MPS2 + _AIR_PER_M * v * v
+    pull_mps2 = rate + aside[2] * (G * grade_rad + _ROLLS_MPS2 + _AIR_PER_M * v * v)
     steer_rad = steer_rad + np.where(pull_mps2 > 0.0, aside[0], aside[1]) * pull_mps2
     return Rolling(steer_rad, v, rate, front_mps, front_slip, rear_slip, *free)
 

@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained, is_beyond_form, quiet
 from dsz_daemon.diagnose.moments import in_the_middle
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.pulls import by_force
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shape
 from dsz_daemon.diagnose.smaller import (
@@ -87,6 +88,8 @@ def searched(
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
     nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL, each)
+    if (pulled := by_force(nominal.x, nominal.std, nominal.columns)) is not None:
+        nominal = fitted(drive, rows, pulled, (), tolerance, _WELL, each)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}

@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.fit import SHAPE, Fit, values_of, with_shapes
 from dsz_daemon.diagnose.jumps import jump_in
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
+from dsz_daemon.diagnose.pulls import is_much
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -36,7 +37,6 @@ CHOSEN_OF_MANY = BY_CHANCE + 3.0
 _STUCK_MPS2 = 0.2
 # What drive and brakes turn front wheels by is in every car a little (docs/decisions/0031); more, and surely, is not.
 _PULLS = {"drive_steer": "ax where ax > 0", "brake_steer": "ax where ax < 0"}
-_MUCH_PULL, _SURE_PULL = 3.5e-4, 5.0
 
 
 class Coefficient(NamedTuple):
@@ -221,7 +221,7 @@ def pull_shapes(drive: Drive, fit: Fit) -> list[Shape]:
     return [
         Shape("gyro_z", f"k*{when}", Coefficient(*told[name], "rad/(m/s2) of the front wheels"), 1.0)
         for name, when in _PULLS.items()
-        if name in told and abs(told[name][0]) > max(_MUCH_PULL, _SURE_PULL * told[name][1])
+        if name in told and is_much(*told[name])
     ]
 
 

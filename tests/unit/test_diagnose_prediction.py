@@ -461,15 +461,17 @@ def test_channels_are_thirteen() -> None:
 
 
 @pytest.mark.parametrize(("name", "rate_mps2"), [("drive_steer", 2.0), ("brake_steer", -2.0)])
-def test_a_car_that_pulls_aside_goes_as_if_it_were_steered(name: str, rate_mps2: float) -> None:
-    """By rad over m/s2 of what drives or brakes it, rolling and air (0.12 and 2.6e-4 v^2) off; not the other way."""
+@pytest.mark.parametrize("by_force", [0.0, 1.0])
+def test_a_car_that_pulls_aside_goes_as_if_it_were_steered(name: str, rate_mps2: float, by_force: float) -> None:
+    """By rad over m/s2, by force of rolling and air (0.12 and 2.6e-4 v^2), too; and not at all the other way."""
     speed = (10.0 if rate_mps2 > 0.0 else 60.0) + rate_mps2 * T
-    pulls = shown(drive(speed), **{name: 3e-4})
-    steer = 3e-4 * (rate_mps2 + 0.12 + 2.6e-4 * speed**2)
+    values = {name: 3e-4, "steers_by_force": by_force}
+    pulls = shown(drive(speed), **values)
+    steer = 3e-4 * (rate_mps2 + by_force * (0.12 + 2.6e-4 * speed**2))
     np.testing.assert_allclose(pulls, shown(drive(speed, steer)), atol=1e-12)
     assert abs(pulls[1500, 2]) > 1e-3
     other = drive(speed[::-1].copy())
-    np.testing.assert_array_equal(shown(other, **{name: 3e-4}), shown(other))
+    np.testing.assert_array_equal(shown(other, **values), shown(other))
 
 
 def test_the_filters_are_scipys() -> None:
