@@ -87,9 +87,7 @@ def searched(
     """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
-    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL, each)
-    if (pulled := by_force(nominal.x, nominal.std, nominal.columns)) is not None:
-        nominal = fitted(drive, rows, pulled, (), tolerance, _WELL, each)
+    nominal = _refitted(drive, rows, tolerance, each)
     best, rivals = nominal, {}
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
@@ -146,13 +144,8 @@ def searched(
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
-    return _kept(
-        _each_in_its_place(
-            Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes)), tolerance, say, each
-        ),
-        tolerance,
-        each,
-    )
+    found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
 
 
 def _without_its_twin(
@@ -176,11 +169,11 @@ def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progr
     """What came before others did gives its place to a rival that gains more beside these."""
     best, gains, elsewhere = found.best, dict(found.gains), dict(found.elsewhere)
     rivals = dict(found.rivals)
+    say("trying what came near each in its place")
     # The newest was held against all of them beside the same.
     for effect in best.effects[:-1]:
         if is_shape(effect):
             continue
-        say(f"trying what came near {effect} in its place")
         others = in_its_place(found.drive, found.rows, found.nominal, best, effect, rivals[effect], tolerance, each)
         if not others:
             continue
@@ -217,6 +210,13 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
         return None
     best = trial.best
     return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+
+
+def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
+    """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
+    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL, each)
+    pulled = by_force(nominal.x, nominal.std, nominal.columns)
+    return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
 
 
 def _nameless(

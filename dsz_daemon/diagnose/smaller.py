@@ -95,6 +95,8 @@ class Grown:
     @cached_property
     def _smaller(self) -> dict[str, Fit]:
         effects = self._now.effects if self._is_on_a_road else self._now.effects[:-1]
+        # What takes longest comes first.
+        effects = tuple(sorted(effects, key=lambda effect: effect not in OWN_CHANNEL))
         fits = all_hands(lambda effect, each: self._without(self._now, effect, each), effects, self._each)
         return dict(zip(effects, fits, strict=True))
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit
+from dsz_daemon.diagnose.fit import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.instruments import drifted_s
 from dsz_daemon.diagnose.loads import LOAD
+from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.profiles import wind_ahead_m
 from dsz_daemon.diagnose.recording import DT_S
@@ -38,6 +39,9 @@ _LEAST_ROWS, _EXACT = 300, 1e-6
 
 def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: Each = map) -> list[Start]:
     """What is worth a real fit, and from where: the best of a screening, profiles that can be felt, guesses."""
+    # Where no drive tells one of those that turn a car alike, it tells no other of them beside it.
+    if any(not is_told(drive, best, effect) for effect in SAME_TURN.intersection(best.effects)):
+        names = [name for name in names if name not in SAME_TURN]
     roads = [name for name in OWN_CHANNEL if name not in best.effects and feels(drive, rows, best, name)]
     # What takes longest comes first, guesses and roads: several may be fitted side by side.
     starts: list[Start] = [((effect,), best.x) for effect in (*roads, *names[:_TRIED])]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
@@ -31,26 +31,27 @@ def in_its_place(
 ) -> list[Step]:
     """What rivals of an effect gain more than it does (or less, below 0) beside all else in the model, the most first.
 
-    Those that came near it when it was chosen, and what turns a car as it does. What is implausible there is none.
+    Those that came near it when it was chosen, and what turns a car as it does. What is implausible there is none, and
+    what is not told: of neither, nor in place of that, is anything said.
     """
-    if effect in _NEVER:
+    if effect in _NEVER or not is_told(drive, best, effect):
         return []
     first = {step.effect: step for step in reversed(rivals)}
     least = _NEAR * first[effect].gain
     near = {name for name, step in first.items() if step.gain > least and name not in _NEVER}
     near |= SAME_TURN if effect in SAME_TURN else set()
 
-    def fit(name: str) -> Fit:
+    def fit(name: str, each: Each) -> Fit:
         start, own = best.x.copy(), list(drive.vocabulary.columns_of(name))
         start[list(drive.vocabulary.columns_of(effect))] = 0.0
         start[own] = first[name].fit.x[own] if name in first else 0.0
         effects = tuple(name if one == effect else one for one in best.effects)
-        return fitted(drive, rows, start, effects, tolerance, felt=best.felt)
+        return fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
 
     names = sorted(near - set(best.effects))
     found = [
         Step(name, _more(drive, nominal, best, there), there)
-        for name, there in zip(names, each(fit, names), strict=True)
+        for name, there in zip(names, all_hands(fit, names, each), strict=True)
         if is_told(drive, there, name) and not is_implausible(drive, rows, there, name)
     ]
     return sorted(found, key=lambda step: -step.gain)

@@ -8,6 +8,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose import search as search_module
+from dsz_daemon.diagnose import starts as starts_module
 from dsz_daemon.diagnose import swaps as swaps_module
 from dsz_daemon.diagnose.comparison import Rows, rows_of
 from dsz_daemon.diagnose.effects import INDEX
@@ -15,6 +16,7 @@ from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.swaps import in_its_place
 from dsz_daemon.diagnose.trials import Step, Trial, two_instead
 from dsz_daemon.diagnose.unlisted import as_effect
@@ -67,6 +69,7 @@ def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch
         return tried.copy()
 
     monkeypatch.setattr(swaps_module, "fitted", fit)
+    monkeypatch.setattr(swaps_module, "is_told", lambda *_: True)
     assert names("gyro_scale", ("accel_scale", 76.0), ("imu_delay", 74.0)) == ["accel_scale"]
     assert names("gyro_scale", ("road_bank", 99.0), ("tyre_saturation", 99.0), ("tyre_relaxation", 99.0)) == []
     assert names("side_wind", ("gyro_scale", 99.0)) == []
@@ -75,13 +78,30 @@ def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch
     assert names("mass_loading", ("gyro_scale", 10.0)) == ["cornering_stiffness", "steering_compliance"]
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_what_is_not_told_there_takes_no_place(monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
+@pytest.mark.parametrize(("untold", "tried"), [("", True), ("sensor_bandwidth", False), ("imu_delay", False)])
+def test_what_is_not_told_takes_no_place_and_leaves_none(
+    monkeypatch: pytest.MonkeyPatch, untold: str, tried: bool
+) -> None:
     one = drive(SLOW | TYRES, CITY_V, CITY_STEER)
     rows, [level, its, both] = fits(one, (), ("sensor_bandwidth",), ("imu_delay", "tyre_relaxation"))
-    monkeypatch.setattr(swaps_module, "is_told", lambda *_: told)
+    monkeypatch.setattr(swaps_module, "is_told", lambda _, __, effect: effect != untold)
     rivals = [Step("imu_delay", 100.0, its), Step("sensor_bandwidth", 90.0, its)]
-    assert bool(in_its_place(one, rows, level, both, "imu_delay", rivals, TOLERANCE, map)) == told
+    assert bool(in_its_place(one, rows, level, both, "imu_delay", rivals, TOLERANCE, map)) == tried
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_beside_what_turns_a_car_alike_and_is_not_told_no_other_starts(
+    monkeypatch: pytest.MonkeyPatch, told: bool
+) -> None:
+    one = drive({"steering_compliance.rad_per_n": 2e-6}, CITY_V, CITY_STEER)
+    rows, [best] = fits(one, ("steering_compliance",))
+    monkeypatch.setattr(starts_module, "is_told", lambda _, __, effect: told or effect != "steering_compliance")
+    names = ["mass_loading", "gyro_scale", "cornering_stiffness"]
+    there = {effects[-1] for effects, _ in starts_of(one, rows, best, names)}
+    assert "gyro_scale" in there
+    assert {"mass_loading", "cornering_stiffness"} & there == (
+        {"mass_loading", "cornering_stiffness"} if told else set()
+    )
 
 
 def test_a_sensor_that_is_slow_comes_back_once_the_tyres_are_known() -> None:
