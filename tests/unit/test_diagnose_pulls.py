@@ -10,6 +10,7 @@ from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.pulls import BY_FORCE, PULLS, by_force
+from dsz_daemon.diagnose.rolling import Slip, rolling
 from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.unlisted import pull_shapes
 
@@ -35,6 +36,19 @@ def test_by_how_speed_changes_alone_it_would_be_something_else() -> None:
     assert start is not None
     right = fitted(one, rows, start, (), TOLERANCE)
     assert np.sum(right.left[:, 2] ** 2) < 0.9 * np.sum(by_rate.left[:, 2] ** 2)
+
+
+@pytest.mark.parametrize(("grade_rad", "of"), [(0.0, 1e-3), (0.02, 1e-3), (-0.05, 2e-3)])
+def test_at_even_speed_force_is_what_rolling_air_and_a_climb_take(grade_rad: float, of: float) -> None:
+    """0.12 m/s2 and 2.6e-4 v^2 and g gamma; down a hill of five per cent at 20 m/s it is braked."""
+    n, car = 500, drive({}, CITY_V, CITY_STEER).car
+    none, v = np.zeros(n), np.full(n, 20.0)
+    slip = Slip(0.0, 0.0, 0.0, 0.0)
+    found = rolling(car, none, v, False, slip, none, np.full(n, grade_rad), (1e-3, 2e-3, 1.0))
+    force_mps2 = 0.12 + 2.6e-4 * 20.0**2 + 9.80665 * grade_rad
+    assert (force_mps2 > 0.0) == (of == 1e-3)
+    np.testing.assert_allclose(found.steer_rad, of * force_mps2, atol=1e-12)
+    assert not rolling(car, none, v, False, slip, none, np.full(n, grade_rad), (1e-3, 2e-3, 0.0)).steer_rad.any()
 
 
 @pytest.mark.parametrize(
