@@ -169,7 +169,8 @@ def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progr
     """What came before others did gives its place to a rival that gains more beside these."""
     best, gains, elsewhere = found.best, dict(found.gains), dict(found.elsewhere)
     rivals = dict(found.rivals)
-    say("trying what came near each in its place")
+    if len(best.effects) > 1:
+        say("trying what came near each in its place")
     # The newest was held against all of them beside the same.
     for effect in best.effects[:-1]:
         if is_shape(effect):

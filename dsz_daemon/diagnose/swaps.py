@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.effects import NAMELESS
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
@@ -15,8 +16,10 @@ from dsz_daemon.diagnose.trials import Step
 
 # Of what an effect gained when it was chosen, a rival worth another look.
 _NEAR = 0.75
-# Those that come as the road, or the air, is felt; and a limit of grip, which has a curve for its rival.
+# Those that come as the road, or the air, is felt; a limit of grip, which has a curve for its rival; and what has no
+# name takes the place of none.
 _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
+_NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
 
 
 def in_its_place(
@@ -38,7 +41,7 @@ def in_its_place(
         return []
     first = {step.effect: step for step in reversed(rivals)}
     least = _NEAR * first[effect].gain
-    near = {name for name, step in first.items() if step.gain > least and name not in _NEVER}
+    near = {name for name, step in first.items() if step.gain > least and name not in _NO_RIVALS}
     near |= SAME_TURN if effect in SAME_TURN else set()
 
     def fit(name: str, each: Each) -> Fit:

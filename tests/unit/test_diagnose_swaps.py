@@ -72,6 +72,8 @@ def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch
     monkeypatch.setattr(swaps_module, "is_told", lambda *_: True)
     assert names("gyro_scale", ("accel_scale", 76.0), ("imu_delay", 74.0)) == ["accel_scale"]
     assert names("gyro_scale", ("road_bank", 99.0), ("tyre_saturation", 99.0), ("tyre_relaxation", 99.0)) == []
+    assert names("wheel_radius", ("wheel_square", 99.0)) == []
+    assert names("wheel_square", ("wheel_radius", 99.0)) == ["wheel_radius"]
     assert names("side_wind", ("gyro_scale", 99.0)) == []
     assert names("low_friction", ("gyro_scale", 99.0)) == []
     # What turns a car alike is always tried, however it came in.
