@@ -23,7 +23,7 @@ from dsz_daemon.diagnose.evidence import (
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.loads import LOAD
-from dsz_daemon.diagnose.mounts import MOUNT, as_drawn_rad, untold_turns
+from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
@@ -280,8 +280,7 @@ def exactly(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], 
 
 def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Place, slopes: Slopes) -> Fit:
     """What a model leaves on blocks that a fit has not seen, and how sure its parameters are."""
-    words, (x, effects, columns, values) = drive.vocabulary, slopes
-    left, scatter = here.left, here.scatter
+    words, left, scatter, (x, effects, columns, values) = drive.vocabulary, here.left, here.scatter, slopes
     found = sums(rows, left, values, scatter)
     per_row = correlated_rows(left / scatter[rows.block], rows.used)
     box = _room(drive, x, columns, tolerance)
@@ -310,8 +309,9 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
         _OF_THE_LEAST_BY_GRIP if may_be_a_curve(drive, effects, words.columns[i][0]) else _OF_THE_LEAST for i in columns
     ]
     std = np.hypot(std, np.where(np.isfinite(least), share * least, 0.0))
-    if TILTS & set(effects) and _ARM_UP in columns:
-        std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], _ABOVE_THE_WAY_M)
+    if _ARM_UP in columns:
+        way_m, body_m = bool(TILTS & set(effects)) * _ABOVE_THE_WAY_M, ("suspension_roll" in effects) * IN_A_BODY_M
+        std[columns.index(_ARM_UP)] = math.hypot(std[columns.index(_ARM_UP)], way_m, body_m)
     for i, more in as_drawn_rad(x).items() if MOUNT in effects else ():
         if i in columns:
             std[columns.index(i)] = math.hypot(std[columns.index(i)], more)

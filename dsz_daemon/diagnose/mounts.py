@@ -15,6 +15,9 @@ MOUNT = "imu_misalignment"
 BY_GRAVITY = frozenset({MOUNT, "accel_cross_axis", "gyro_g_sensitivity"})
 _ROLL, _PITCH, _YAW = (INDEX[f"{MOUNT}.{axis}_rad"] for axis in ("roll", "pitch", "yaw"))
 _GYRO_X, _GYRO_Y, _ACCEL_Z = 0, 1, 5
+# An arm is from the C.G. of the car, or of its body: wheels and axles do not lean, and what leans swings by their tenth
+# of the mass more, which is an IMU so much higher.
+IN_A_BODY_M = 0.05
 
 
 def untold_turns(drive: Drive) -> set[int]:
