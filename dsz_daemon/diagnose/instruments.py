@@ -151,18 +151,24 @@ def rolled(
     front_track_m: float,
     rear_track_m: float,
     radii: Floats,
+    load_height_m: float,
 ) -> Floats:
-    """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured."""
+    """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured.
+
+    The inner wheel of an axle carries less, and slips more by the same force: m a h / t of m g / 2 each.
+    """
+    per_mps2 = 2.0 * load_height_m / G
     shown = np.empty((len(v_mps), 4))
     for i in range(len(v_mps)):
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
         cos, across = cos_of(delta), (row[0] + cg_to_front_axle_m * r) * sin_of(delta)
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
-        shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i]) / radii[0]
-        shown[i, 1] = ((v + front) * cos + across) * (1.0 + front_slip[i]) / radii[1]
-        shown[i, 2] = (v - rear) * (1.0 + rear_slip[i]) / radii[2]
-        shown[i, 3] = (v + rear) * (1.0 + rear_slip[i]) / radii[3]
+        moved_front, moved_rear = per_mps2 * row[3] / front_track_m, per_mps2 * row[3] / rear_track_m
+        shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i] * (1.0 + moved_front)) / radii[0]
+        shown[i, 1] = ((v + front) * cos + across) * (1.0 + front_slip[i] * (1.0 - moved_front)) / radii[1]
+        shown[i, 2] = (v - rear) * (1.0 + rear_slip[i] * (1.0 + moved_rear)) / radii[2]
+        shown[i, 3] = (v + rear) * (1.0 + rear_slip[i] * (1.0 - moved_rear)) / radii[3]
     return shown
 
 

@@ -180,7 +180,16 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         v_rate = rate_of(v, DT_S)
     rear_track_m = drive.car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear"))
     tracks_m = (model.front_track_m, rear_track_m)
-    wheels_mps = rolled(m, v, rolls.front_slip, rolls.rear_slip, model.cg_to_front_axle_m, *tracks_m, radii)
+    wheels_mps = rolled(
+        m,
+        v,
+        rolls.front_slip,
+        rolls.rear_slip,
+        model.cg_to_front_axle_m,
+        *tracks_m,
+        radii,
+        at("wheel_slip.side_load_m"),
+    )
     compared = _compared(drive, wheels_mps, _squares(x), at("wheel_speed_delay.delay_s"))
     return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
 

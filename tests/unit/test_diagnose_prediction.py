@@ -134,6 +134,21 @@ def test_slipping_driven_wheels_run_ahead() -> None:
     assert row[6] == pytest.approx(SPEEDING.wheels[1500, 0] * (1.0 + 0.05 * (2.0 / G) / share), rel=1e-6)
 
 
+def test_the_inner_wheel_of_a_driven_axle_carries_less_and_slips_more() -> None:
+    """Of m a h / t that go from the left to the right, of m g / 2 each: half the axle's force over what it carries."""
+    one, h = drive(10.0 + 2.0 * T, np.full(N, 0.004)), 0.5
+    slips = {"wheel_slip__slip_per_force": 0.05}
+    level, loaded, without = shown(one, **slips), shown(one, **slips, wheel_slip__side_load_m=h), shown(one)
+    i, turning = 1500, without[1500, 4]
+    assert turning > 1.0
+    moved = 2.0 * h * turning / (G * TUCSON.front_track_m)
+    for wheel, carries in ((6, 1.0 - moved), (7, 1.0 + moved)):
+        alike = level[i, wheel] / without[i, wheel] - 1.0
+        assert loaded[i, wheel] / without[i, wheel] - 1.0 == pytest.approx(alike / carries, rel=2.0 * moved**2)
+    # Of rear wheels that nothing drives neither slips.
+    assert loaded[i, 8] == pytest.approx(without[i, 8], abs=1e-9)
+
+
 def test_larger_wheels_show_less_than_the_car_does() -> None:
     row = shown(CRUISING, wheel_radius__fl=0.01, wheel_radius__rl=0.02, wheel_radius__rr=0.02)[1500]
     assert row[6] == pytest.approx(20.0 * 1.02 / 1.01)
@@ -212,6 +227,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "resistance",
                 "spun_share",
                 "front_drives_more",
+                "side_load_m",
                 "fades_per_s",
                 "turns",
                 "sharpness",
