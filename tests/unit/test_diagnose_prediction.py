@@ -145,8 +145,14 @@ def test_the_inner_wheel_of_a_driven_axle_carries_less_and_slips_more() -> None:
     for wheel, carries in ((6, 1.0 - moved), (7, 1.0 + moved)):
         alike = level[i, wheel] / without[i, wheel] - 1.0
         assert loaded[i, wheel] / without[i, wheel] - 1.0 == pytest.approx(alike / carries, rel=2.0 * moved**2)
-    # Of rear wheels that nothing drives neither slips.
+    # Of rear wheels that nothing drives neither slips; as they brake both do, and here the right one carries more.
     assert loaded[i, 8] == pytest.approx(without[i, 8], abs=1e-9)
+    slowing = drive(60.0 - 2.0 * T, np.full(N, 0.004))
+    level, loaded, without = shown(slowing, **slips), shown(slowing, **slips, wheel_slip__side_load_m=h), shown(slowing)
+    i, turning = 1500, without[1500, 4]
+    alike = 0.05 * -2.0 / G
+    moved = 2.0 * h * turning / (G * TUCSON.rear_track_m)
+    assert loaded[i, 8] - level[i, 8] == pytest.approx(30.0 * alike * -2.0 * moved, rel=0.05)
 
 
 def test_larger_wheels_show_less_than_the_car_does() -> None:
