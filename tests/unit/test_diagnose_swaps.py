@@ -53,6 +53,18 @@ def test_beside_what_came_later_the_one_that_is_there_gains_more(
     assert worse.gain == pytest.approx(-better.gain, rel=0.05)
 
 
+def test_of_several_the_one_that_gains_the_most_is_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive(SLOW | TYRES, CITY_V, CITY_STEER)
+    rows, [level, its, wrong] = fits(one, (), ("sensor_bandwidth",), ("imu_delay", "tyre_relaxation"))
+    monkeypatch.setattr(swaps_module, "is_told", lambda *_: True)
+    rivals = [Step(name, 100.0, its) for name in ("imu_delay", "accel_scale", "sensor_bandwidth", "steering_offset")]
+    found = in_its_place(one, rows, level, wrong, "imu_delay", rivals, TOLERANCE, map)
+    assert found[0].effect == "sensor_bandwidth"
+    gains = [step.gain for step in found]
+    assert len(gains) == 3
+    assert gains == sorted(gains, reverse=True)
+
+
 def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     one = drive(SLOW | TYRES, CITY_V, CITY_STEER)
     rows, [level, both] = fits(one, (), ("sensor_bandwidth", "tyre_relaxation"))
