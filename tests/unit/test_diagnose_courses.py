@@ -12,10 +12,15 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import smaller as smaller_module
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing
+from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.shape_beside import another_course
 from dsz_daemon.diagnose.smaller import without_courses
+from dsz_daemon.diagnose.unlisted import as_effect, library
 
 YAW = 2
 SHAPE = "gyro_z: k*ay*|ay|"
@@ -39,6 +44,23 @@ def test_what_a_power_between_two_leaves_is_no_scale(monkeypatch: pytest.MonkeyP
     assert searched(one, rows, TOLERANCE).best.effects == (SHAPE,)
     monkeypatch.setattr(search_module, "without_courses", lambda _, __, best, *___: best)
     assert searched(one, rows, TOLERANCE).best.effects == (SHAPE, "gyro_scale")
+
+
+def test_a_second_course_gains_what_it_would_gain_as_a_name() -> None:
+    """Nobody has chosen it among many: the price of that is not on it."""
+    found = searched(yaw_rate_shows(0.002, 2.5), rows_of(yaw_rate_shows(0.002, 2.5)), TOLERANCE)
+    drive, rows, best = found.drive, found.rows, found.best
+    known = screened(drive, rows, best, TOLERANCE, map).known
+    gain = another_course(drive, rows, best, known, TOLERANCE, ["gyro_z"])
+    gains = []
+    for course in ("ay^3", "vx*ay", "sign(ay)"):
+        values = library(driven(drive, best.x, best.road), drive.steer)[course][0]
+        effect = as_effect("gyro_z", course, values - np.mean(values), "1", 1e-4)
+        more = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), effect)))
+        fit = fitted(more, rows, np.append(best.x, 1e-5), (*best.effects, effect.name), TOLERANCE)
+        gains.append(gained(more, best, fit))
+    assert gain > 10.0
+    assert gain == pytest.approx(max(gains), abs=2.0)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from dsz_daemon.diagnose import fit as fit_module
 from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import starts as starts_module
 from dsz_daemon.diagnose import swaps as swaps_module
+from dsz_daemon.diagnose import trials as trials_module
 from dsz_daemon.diagnose.comparison import Rows, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -102,6 +103,9 @@ def test_what_is_not_told_takes_no_place_and_leaves_none(
     monkeypatch.setattr(swaps_module, "is_told", lambda _, __, effect: effect != untold)
     rivals = [Step("imu_delay", 100.0, its), Step("sensor_bandwidth", 90.0, its)]
     assert bool(in_its_place(one, rows, level, both, "imu_delay", rivals, TOLERANCE, map)) == tried
+    # Nor does what can't be so.
+    monkeypatch.setattr(swaps_module, "is_implausible", lambda _, __, ___, effect: effect == "sensor_bandwidth")
+    assert in_its_place(one, rows, level, both, "imu_delay", rivals, TOLERANCE, map) == []
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -155,7 +159,9 @@ def test_a_search_gives_the_place_to_what_gains_more(monkeypatch: pytest.MonkeyP
     assert gains["gyro_scale"] - gains[oldest] == pytest.approx(more)
 
 
-def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_much() -> None:
+def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_much(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     one = drive({"gyro_scale.z": -0.03, "steering_ratio.scale": 0.05}, CITY_V, CITY_STEER)
     rows, [level] = fits(one, ())
     screening = screened(one, rows, level, TOLERANCE, map)
@@ -171,6 +177,10 @@ def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_mu
     assert first.fit.effects not in [
         step.fit.effects for step in two_instead(trial, screening, {"gyro_scale"}, shape, map)
     ]
+    # And both are told.
+    monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect != "gyro_scale")
+    steps = two_instead(trial, screening, set(), shape, map)
+    assert not any("gyro_scale" in step.fit.effects for step in steps)
 
 
 def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
