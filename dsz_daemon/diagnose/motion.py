@@ -36,7 +36,10 @@ VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED, LE
 
 
 class CarModel(NamedTuple):
-    """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle."""
+    """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle.
+
+    `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand.
+    """
 
     mass_kg: float
     yaw_inertia_kgm2: float

@@ -17,7 +17,7 @@ PULLS, BY_FORCE = (INDEX["drive_steer"], INDEX["brake_steer"]), INDEX["steers_by
 # Every car does so a little (docs/decisions/0031), rad/(m/s^2); more, and surely, is not drawn so but left out.
 _MUCH, _SURELY = 3.5e-4, 5.0
 # What slows a car at even speed.
-COASTS_MPS2 = 0.3
+_COASTS_MPS2 = 0.3
 
 
 def is_much(value: float, std: float) -> bool:
@@ -37,4 +37,4 @@ def by_force(x: Floats, std: Floats, columns: Sequence[int]) -> Floats | None:
 
 def offset_by_a_pull_rad(x: Floats) -> float:
     """What of an offset of the steering it may be."""
-    return COASTS_MPS2 * float(np.max(np.abs(x[list(PULLS)])))
+    return _COASTS_MPS2 * float(np.max(np.abs(x[list(PULLS)])))

@@ -105,7 +105,7 @@ def test_a_fit_leans_the_body_to_what_it_leaves() -> None:
     moving, shown = run(one, fit.x, fit.road)
     left = one.measured[:, 4] - shown[:, 4]
     beside = fit.road.lean_mps2 - moving.moved[:, motion.LEANS]
-    np.testing.assert_allclose(beside[300:-300], left[300:-300], atol=0.02)
+    np.testing.assert_allclose(beside[300:-300], left[300:-300], atol=0.01)
     assert np.std(left) > 0.3
 
 

@@ -7,7 +7,9 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.pulls import BY_FORCE, PULLS, by_force
 from dsz_daemon.diagnose.rolling import Slip, rolling
@@ -35,7 +37,8 @@ def test_by_how_speed_changes_alone_it_would_be_something_else() -> None:
     start = by_force(by_rate.x, by_rate.std, by_rate.columns)
     assert start is not None
     right = fitted(one, rows, start, (), TOLERANCE)
-    assert np.sum(right.left[:, 2] ** 2) < 0.9 * np.sum(by_rate.left[:, 2] ** 2)
+    # By as much as a name would have to gain.
+    assert gained(one, by_rate, right) > LEAST_GAIN
 
 
 @pytest.mark.parametrize(("grade_rad", "of"), [(0.0, 1e-3), (0.02, 1e-3), (-0.05, 2e-3)])
