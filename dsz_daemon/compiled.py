@@ -34,6 +34,8 @@ _SOURCES = {
     ),
 }
 _OF_ALL = ("signals.py", "compiled.py")
+# A product and a sum may be rounded once in place of twice, where nothing has to be the same to the last digit.
+_ROUNDED_ONCE = {"diagnose": {"contract"}}
 _PREFIX = "compiled-"
 
 
@@ -78,12 +80,13 @@ def compiled(function: F) -> F:
     """Compiles the function at its first call, for this and later processes; without numba, leaves it as it is."""
     if not IS_COMPILED:
         return function
-    kept_in = _kept_in(function.__module__.partition(".")[2].partition(".")[0])
+    package = function.__module__.partition(".")[2].partition(".")[0]
+    kept_in, rounds = _kept_in(package), _ROUNDED_ONCE.get(package, False)
     if kept_in is None:
-        return cast(F, numba.njit(nogil=True)(function))
+        return cast(F, numba.njit(nogil=True, fastmath=rounds)(function))
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(kept_in)
     try:
-        return cast(F, numba.njit(cache=True, nogil=True)(function))
+        return cast(F, numba.njit(cache=True, nogil=True, fastmath=rounds)(function))
     finally:
         numba.config.CACHE_DIR = before
 

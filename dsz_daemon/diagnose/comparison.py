@@ -267,13 +267,13 @@ def sensitivities(
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
 
-    found = np.zeros((*rows.used.shape, len(columns)))
+    found = np.zeros((len(columns), *rows.used.shape))
 
     def take(at: int) -> None:
         i = columns[at]
         # A wind that is felt anew is another one for an offset, too.
         if i < len(OFFSETS) and not (felt is not None and felt.changes_with("")):
-            found[:, i, at] = rows.used[:, i]
+            found[at, :, i] = rows.used[:, i]
             return
         effect, parameter = drive.vocabulary.columns[i]
         step = parameter.step if x[i] + parameter.step <= parameter.high else -parameter.step
@@ -288,16 +288,27 @@ def sensitivities(
             there = shown(drive, moved, moving)
         else:
             there = predicted(drive, moved, road, None if ROLL & {effect, parameter.name} else moving.rolling)
-        _per_step(there, base, rows.at, rows.used, step, found, at)
+        _per_step(there, base, rows.at, rows.used, step, found[at])
 
     for _ in each(take, range(len(columns))):
         pass
-    return _with_own_offsets(rows, found)
+    return _with_own_offsets(rows, _by_row(found))
 
 
 @compiled
-def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float, found: Floats, column: int) -> None:
-    """Writes how much more there is (k, 13) in the rows that count, over the step, as one column of `found`.
+def _by_row(values: Floats) -> Floats:
+    """The same (p, k, c) as (k, c, p)."""
+    found = np.empty((*values.shape[1:], len(values)))
+    for k in range(values.shape[1]):
+        for c in range(values.shape[2]):
+            for i in range(len(values)):
+                found[k, c, i] = values[i, k, c]
+    return found
+
+
+@compiled
+def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float, found: Floats) -> None:
+    """Writes how much more there is (k, 13) in the rows that count, over the step, to `found` (k, 13).
 
     Beside a car that is about to spin a step further is anything; nothing is learnt from that.
     """
@@ -305,4 +316,4 @@ def _per_step(there: Floats, base: Floats, at: Ints, used: Bools, step: float, f
         for c in range(used.shape[1]):
             slope = (there[at[k], c] - base[at[k], c]) / step
             if used[k, c] and math.isfinite(slope):
-                found[k, c, column] = min(max(slope, -_STEEPEST), _STEEPEST)
+                found[k, c] = min(max(slope, -_STEEPEST), _STEEPEST)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.fft import next_fast_len
+from scipy.fft import irfft, next_fast_len, rfft
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
@@ -15,16 +15,16 @@ LONGEST_ROWS = 250
 
 def correlated_rows(left: Floats, used: Bools) -> Floats:
     """How many rows of each channel (c,) tell as much as one that is independent of the others."""
-    found = np.ones(left.shape[1])
-    for c in np.flatnonzero(used.any(axis=0)):
-        mine = np.where(used[:, c], left[:, c], 0.0)
-        # Filled up with zeros, so that no end meets the beginning within these lags.
-        reach = min(len(mine), LONGEST_ROWS)
-        n = next_fast_len(len(mine) + reach, real=True)
-        lags = np.fft.irfft(np.abs(np.fft.rfft(mine, n)) ** 2, n)[:reach]
-        if lags[0] <= 0.0:
+    found, there = np.ones(left.shape[1]), np.flatnonzero(used.any(axis=0))
+    mine = np.ascontiguousarray(np.where(used, left, 0.0).T[there])
+    # Filled up with zeros, so that no end meets the beginning within these lags.
+    reach = min(len(left), LONGEST_ROWS)
+    n = next_fast_len(len(left) + reach, real=True)
+    lags = irfft(np.abs(rfft(mine, n)) ** 2, n)[:, :reach]
+    for c, own in zip(there, lags, strict=True):
+        if own[0] <= 0.0:
             continue
-        ratio = lags[1:] / lags[0]
+        ratio = own[1:] / own[0]
         ends = np.flatnonzero(ratio < 0.05)
         found[c] = 1.0 + 2.0 * float(np.sum(ratio[: ends[0] if len(ends) else len(ratio)]))
     return found

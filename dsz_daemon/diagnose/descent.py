@@ -233,13 +233,11 @@ def turned(slopes: Floats, change: Floats, step: Floats, sizes: Floats) -> Float
     Schubert's sparse form of Broyden's update (Math. Comp. 24, 1970), in units of the parameters' `sizes` (p,): what a
     channel does not feel of a parameter it does not learn.
     """
-    found = slopes.copy()
-    _turn(found, change, step, step / sizes**2)
-    return found
+    return _turned(slopes, change, step, step / sizes**2)
 
 
 @compiled
-def _turn(slopes: Floats, change: Floats, step: Floats, along: Floats) -> None:
+def _turned(slopes: Floats, change: Floats, step: Floats, along: Floats) -> Floats:
     channels, p = slopes.shape[1], slopes.shape[2]
     feels = np.zeros((channels, p), dtype=np.bool_)
     for k in range(len(slopes)):
@@ -247,17 +245,22 @@ def _turn(slopes: Floats, change: Floats, step: Floats, along: Floats) -> None:
             for i in range(p):
                 if slopes[k, c, i] != 0.0:
                     feels[c, i] = True
+    # How far each parameter of a channel is turned by what the channel is off; by nothing where none is felt.
+    turns = np.zeros((channels, p))
     for c in range(channels):
         power = 0.0
         for i in range(p):
             if feels[c, i]:
                 power += along[i] * step[i]
-        if power <= 0.0:
-            continue
-        for k in range(len(slopes)):
+        for i in range(p):
+            if feels[c, i] and power > 0.0:
+                turns[c, i] = along[i] / power
+    found = np.empty_like(slopes)
+    for k in range(len(slopes)):
+        for c in range(channels):
             off = change[k, c]
             for i in range(p):
                 off -= slopes[k, c, i] * step[i]
             for i in range(p):
-                if feels[c, i]:
-                    slopes[k, c, i] += off / power * along[i]
+                found[k, c, i] = slopes[k, c, i] + off * turns[c, i]
+    return found

@@ -23,6 +23,8 @@ _WELL_APART = 1e-6
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
 _ROUNDING = 1e-6
+# Rounds of a search for what stands at its bound; few take more than three.
+_MOST_HELD = 12
 # What is known of a block's scatter before it is seen, in independent rows: Student's degrees of freedom.
 _PRIOR_ROWS = 12.0
 _SCALE_ROUNDS = 25
@@ -138,12 +140,12 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-30))
     a = a * scale[:, np.newaxis] * scale
     low, high, pull = box.low / scale, box.high / scale, cross * scale
-    # Most are told apart well, and stay in their box: that costs a tenth of the eigenvalues.
-    free = np.linalg.solve(a, pull) if _is_told_apart(a) else None
-    if free is None or not ((low <= free) & (free <= high)).all():
-        values, vectors = np.linalg.eigh(a)
-        values = np.maximum(values, _TOLD_APART * values[-1])
-        free = (vectors / values) @ (vectors.T @ pull)
+    # Most are told apart well: that costs a tenth of the eigenvalues.
+    if _is_told_apart(a) and (found := _held_at_bounds(a, pull, low, high)) is not None:
+        return np.clip(found * scale, box.low, box.high)
+    values, vectors = np.linalg.eigh(a)
+    values = np.maximum(values, _TOLD_APART * values[-1])
+    free = (vectors / values) @ (vectors.T @ pull)
     if ((low <= free) & (free <= high)).all():
         return np.asarray(free * scale, dtype=np.float64)
     root = (vectors * np.sqrt(values)).T
@@ -151,6 +153,27 @@ def solved(squares: Floats, cross: Floats, box: Box) -> Floats:
     # A box without room holds its parameter.
     high = np.maximum(high, low + 1e-12)
     return np.asarray(lsq_linear(root, goal, (low, high), method="bvls").x * scale, dtype=np.float64)
+
+
+def _held_at_bounds(a: Floats, pull: Floats, low: Floats, high: Floats) -> Floats | None:
+    """The least of x'ax / 2 - pull'x inside the box; None where it is not found at once.
+
+    What is beyond a bound is held there, what is held and pulled back inside is let go, until nothing is either: that
+    is the minimum, since there is but one (Kuhn and Tucker).
+    """
+    found, held = np.linalg.solve(a, pull).astype(np.float64), np.zeros(len(pull), dtype=np.bool_)
+    for _ in range(_MOST_HELD):
+        back = pull - a @ found
+        beyond = ~held & ((found < low) | (found > high))
+        # At a bound that is both of them nothing has room.
+        let_go = held & (low < high) & np.where(found > low, back < 0.0, back > 0.0)
+        if not beyond.any() and not let_go.any():
+            return found
+        held = (held | beyond) & ~let_go
+        found = np.where(held, np.clip(found, low, high), 0.0)
+        loose = ~held
+        found[loose] = np.linalg.solve(a[np.ix_(loose, loose)], pull[loose] - a[np.ix_(loose, held)] @ found[held])
+    return None
 
 
 def _is_told_apart(a: Floats) -> bool:

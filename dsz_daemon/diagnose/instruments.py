@@ -16,6 +16,7 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 G = STANDARD_GRAVITY_MPS2
 # A drift that fades by less than this share all the way is even.
 _EVEN = 1e-6
+_PIECE = 256
 
 
 @compiled
@@ -170,6 +171,28 @@ def rolled(
         shown[i, 2] = (v - rear) * (1.0 + rear_slip[i] * (1.0 + moved_rear)) / radii[2]
         shown[i, 3] = (v + rear) * (1.0 + rear_slip[i] * (1.0 - moved_rear)) / radii[3]
     return shown
+
+
+@compiled
+def low_passed(values: Floats, kernel: Floats) -> Floats:
+    """The values (n,) behind a low-pass that looks as far ahead as back (odd number of weights); level beyond the ends.
+
+    Piece by piece, so that what is added up stays at hand.
+    """
+    n, reach = len(values), len(kernel) // 2
+    padded, found = np.empty(n + 2 * reach), np.zeros(n)
+    padded[:reach], padded[reach : n + reach], padded[n + reach :] = values[0], values, values[n - 1]
+    for first in range(0, n, _PIECE):
+        after = min(first + _PIECE, n)
+        mine = found[first:after]
+        for j in range(reach):
+            before, behind = padded[first + j :], padded[first + 2 * reach - j :]
+            for i in range(after - first):
+                mine[i] += kernel[j] * (before[i] + behind[i])
+        middle = padded[first + reach :]
+        for i in range(after - first):
+            mine[i] += kernel[reach] * middle[i]
+    return found
 
 
 @compiled

@@ -85,7 +85,7 @@ def _limited(force: float, load_n: float, grip: float, sharpness: float) -> floa
 
 
 @compiled
-def _pulled(car: CarModel, front_n: float, along_mps2: float, sin: float, cos: float) -> float:
+def _pulled(car: CarModel, front_n: float, along_mps2: float, sin: float, tan: float) -> float:
     """What the front wheels' share of drive and brakes does sideways: m a_x = F_x cos delta - F_y sin delta.
 
     `along_mps2` is a_x and what a climb takes; `sin` and `cos` are those of delta. Front wheels may brake that nothing
@@ -93,7 +93,7 @@ def _pulled(car: CarModel, front_n: float, along_mps2: float, sin: float, cos: f
     """
     along_n = car.mass_kg * along_mps2 + front_n * sin
     share = car.steered_pull if along_n > 0.0 else car.steered_brake
-    return share * along_n * sin / cos
+    return along_n * tan * share
 
 
 @compiled
@@ -168,8 +168,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
         delta = held - car.compliance_rad_per_n * front
         cos, sin = cos_of(delta), sin_of(delta)
+        per_cos = 1.0 / cos
+        tan = sin * per_cos
         if by_front:
-            v = (front_mps[i] - (vy + lf * r) * sin) / cos
+            v = front_mps[i] * per_cos - (vy + lf * r) * tan
         if v < ROLLING_MPS:
             r_before = r
             r = v * delta / (lf + lr)
@@ -198,10 +200,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
                 rear_loaded * rear_free[i] * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
             )
         if v >= ROLLING_MPS:
-            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, cos)
+            steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, tan)
             scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
-            ay = (steered + rear + outside + scrub_n) * per_kg
-            r_rate = (steered * lf - rear * lr + scrub_nm + car.wind_ahead_m * side_n[i]) * per_kgm2
+            ay = (rear + outside + scrub_n + steered) * per_kg
+            r_rate = (car.wind_ahead_m * side_n[i] + scrub_nm - rear * lr + steered * lf) * per_kgm2
         row = rows[i]
         # A hasty simulation shows the force of this moment's steering on motion that is half a step behind it.
         ahead = 0.0
@@ -249,9 +251,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             rear += share * (rear_goal - rear)
         along = 0.5 * (v_rate[i] + v_rate[after]) - r_mid * vy_mid + uphill
         cos, sin = cos_of(delta_mid), sin_of(delta_mid)
-        steered = front_mid * cos + _pulled(car, front_mid, along, sin, cos)
+        steered = front_mid * cos + _pulled(car, front_mid, along, sin, sin / cos)
         scrub_n, scrub_nm = _scrubbed(car, heading, r_mid * per_v, sin)
-        vy += dt_s * ((steered + rear_mid + outside + scrub_n) * per_kg - r_mid * v_mid)
-        turning = steered * lf - rear_mid * lr + scrub_nm + car.wind_ahead_m * side_n[i]
+        vy += dt_s * ((rear_mid + outside + scrub_n + steered) * per_kg - r_mid * v_mid)
+        turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear_mid * lr + steered * lf
         r += dt_s * turning * per_kgm2
     return rows

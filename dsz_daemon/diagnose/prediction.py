@@ -10,10 +10,10 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effect_row import Motion, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Vocabulary
-from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, rolled, side_by_side
+from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, low_passed, rolled, side_by_side
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
-from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel, filtered
+from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
@@ -293,7 +293,7 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     out = side_by_side(reads, moving.wheels, moving.moved, moving.v_mps, moving.road.grade_rad)
     _clip(drive, x, out)
     _add_own(drive, x, moving, out)
-    out[:, ALONG] = filtered(out[:, ALONG], ALONG_KERNEL)
+    out[:, ALONG] = low_passed(np.ascontiguousarray(out[:, ALONG]), ALONG_KERNEL)
     return out
 
 

@@ -226,7 +226,7 @@ def _nameless(
     """What has no name and gains more than what was tried: the drive with its row, the model with it, and itself."""
     named = max((step.gain for step in tried), default=0.0)
     drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
-    shape = likeliest_shape(drive, rows, best, trial.known, tolerance, beside=named > LEAST_GAIN)
+    shape = likeliest_shape(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN)
     if shape is None or shape.gain <= SURELY * named:
         return None
     there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Rows, floors
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of, with_shapes
@@ -45,17 +45,30 @@ class _Shape(NamedTuple):
 
 
 def likeliest_shape(
-    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], *, beside: bool
+    drive: Drive,
+    rows: Rows,
+    fit: Fit,
+    known: Slopes,
+    tolerance: Mapping[str, float],
+    each: Each = map,
+    *,
+    beside: bool,
 ) -> Found | None:
     """What has no name, found in what is left, or `beside` all that is fitted again: what gains more."""
-    shapes = [best_shape(drive, rows, fit)]
+    shapes = [best_shape(drive, rows, fit, each)]
     if beside:
-        shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit)))
+        shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), each))
     return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
 
 
 def shape_beside(
-    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], mute: Bools
+    drive: Drive,
+    rows: Rows,
+    fit: Fit,
+    known: Slopes,
+    tolerance: Mapping[str, float],
+    mute: Bools,
+    each: Each = map,
 ) -> Found | None:
     """The shape that gains most on unseen blocks where the whole model is fitted again beside it, by a linear step.
 
@@ -63,7 +76,8 @@ def shape_beside(
     sensitivities at the model's end; `mute` (13,): channels that have nothing to gain, as of `gain`.
     """
     there = with_shapes(fit.effects)
-    return _likeliest(drive, rows, fit, known, tolerance, mute, [name for name in IMU_CHANNELS if name not in there])
+    channels = [name for name in IMU_CHANNELS if name not in there]
+    return _likeliest(drive, rows, fit, known, tolerance, mute, channels, each)
 
 
 def another_course(
@@ -85,6 +99,7 @@ def _likeliest(
     tolerance: Mapping[str, float],
     mute: Bools,
     channels: Collection[str],
+    each: Each = map,
 ) -> Found | None:
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
@@ -93,7 +108,7 @@ def _likeliest(
     bread = inverse(model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     shapes = _shapes(drive, rows, fit, slopes, channels)
     tried = sorted(shapes, key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
-    judged = [_judged(drive, rows, fit, slopes, model, box, shape, mute) for shape in tried]
+    judged = each(lambda shape: _judged(drive, rows, fit, slopes, model, box, shape, mute), tried)
     return max(judged, key=lambda found: found.gain, default=None)
 
 

@@ -7,12 +7,12 @@ the shape's. A shape is said only if it beats, on unseen blocks, what every name
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import FOLDS, Ints, Rows, noises
+from dsz_daemon.diagnose.comparison import FOLDS, Each, Ints, Rows, noises
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
@@ -113,14 +113,9 @@ def is_shape(effect: str) -> bool:
     return SHAPE in effect
 
 
-def best_shape(drive: Drive, rows: Rows, fit: Fit) -> Found | None:
+def best_shape(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> Found | None:
     """The shape that explains most of what is left of an IMU channel that has none yet; None without structure."""
-    known = with_shapes(fit.effects)
-    found = [
-        shape
-        for c, channel in enumerate(CHANNELS[:6])
-        if channel not in known and (shape := _shape_of(drive, rows, fit, c)) is not None
-    ]
+    found = _shapes_of(drive, rows, fit, with_shapes(fit.effects), each)
     return max(found, key=lambda shape: shape.gain) if found else None
 
 
@@ -132,38 +127,43 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) ->
         value, std = float(fit.x[i]), float(fit.std[fit.columns.index(i)])
         coefficient = Coefficient(value, std, found.effect.parameters[0].unit)
         shapes.append(Shape(found.channel, found.shape, coefficient, found.share))
-    known = {found.channel for found in there}
-    for c, channel in enumerate(CHANNELS[:6]):
-        left = None if channel in known else _shape_of(drive, rows, fit, c)
-        if left is not None:
-            coefficient = Coefficient(left.value, left.std, left.effect.parameters[0].unit)
-            shapes.append(Shape(channel, left.shape, coefficient, left.share))
+    for left in _shapes_of(drive, rows, fit, {found.channel for found in there}):
+        coefficient = Coefficient(left.value, left.std, left.effect.parameters[0].unit)
+        shapes.append(Shape(left.channel, left.shape, coefficient, left.share))
     return shapes
 
 
-def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int) -> Found | None:
+def _shapes_of(drive: Drive, rows: Rows, fit: Fit, known: Collection[str], each: Each = map) -> list[Found]:
+    """The best shape of each IMU channel that is not `known`, where there is structure."""
+    off = [c for c, channel in enumerate(CHANNELS[:6]) if channel not in known and _has_structure(drive, rows, fit, c)]
+    courses = library(driven(drive, fit.x, fit.road), drive.steer) if off else {}
+    found = each(lambda c: _shape_of(drive, rows, fit, c, courses), off)
+    return [shape for shape in found if shape is not None]
+
+
+def _has_structure(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
+    """Whether more is left of a channel than noise and form leave, in rows enough."""
+    left, noise = fit.left[rows.used[:, c], c], float(np.nan_to_num(noises(drive))[c])
+    if len(left) < LEAST_ROWS:
+        return False
+    return float(np.sqrt(np.mean(left**2))) >= _LEAST_LEVEL * float(np.hypot(noise, fit.form[c]))
+
+
+def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int, there: Mapping[str, tuple[Floats, str]]) -> Found | None:
     used = rows.used[:, c]
-    noise = float(np.nan_to_num(noises(drive))[c])
-    if np.count_nonzero(used) < LEAST_ROWS:
-        return None
     left, block = fit.left[used, c], rows.block[used]
-    if float(np.sqrt(np.mean(left**2))) < _LEAST_LEVEL * float(np.hypot(noise, fit.form[c])):
-        return None
     coarse = len(left) * fit.form[c] ** 2
-    before = _unseen([np.ones(len(left))], left, block) + coarse
     best: Found | None = None
-    shapes = library(driven(drive, fit.x, fit.road), drive.steer) | _jump(drive, left, rows.at[used], block)
-    for name, (values, unit) in shapes.items():
-        if is_named(name, CHANNELS[c]):
-            continue
-        mine = values[rows.at][used]
-        columns = [np.ones(len(left)), mine]
-        after = _unseen(columns, left, block) + coarse
+    shapes = {name: shape for name, shape in there.items() if not is_named(name, CHANNELS[c])}
+    shapes |= _jump(drive, left, rows.at[used], block)
+    courses = np.column_stack([np.zeros(len(left)), *(values[rows.at][used] for values, _ in shapes.values())])
+    before, *each_after = (_unseen(courses, left, block) + coarse).tolist()
+    for (name, (values, unit)), mine, after in zip(shapes.items(), courses.T[1:], each_after, strict=True):
         share = 1.0 - after / before
         if share < LEAST_SHARE:
             continue
         # As of named effects: what hangs together in what the larger model leaves counts once.
-        whole, table = np.zeros((len(rows.at), 1)), np.column_stack(columns)
+        whole, table = np.zeros((len(rows.at), 1)), np.column_stack([np.ones(len(left)), mine])
         step = np.linalg.lstsq(table, left, rcond=None)[0]
         whole[used, 0] = left - table @ step
         per_row = float(correlated_rows(whole, used[:, np.newaxis])[0])
@@ -242,13 +242,24 @@ def unit_of(c: int) -> str:
     return "rad/s" if IMU_CHANNELS[c].startswith("gyro") else "m/s2"
 
 
-def _unseen(columns: Sequence[Floats], left: Floats, block: Ints) -> float:
-    """Sum of squares on blocks that a fit of the columns has not seen."""
-    table, total = np.column_stack(columns), 0.0
+def _unseen(courses: Floats, left: Floats, block: Ints) -> Floats:
+    """Sum of squares (s,) of what is left (k,) in blocks that a straight line along each course (k, s) has not seen."""
+    fold = block % FOLDS
+    mine, own = courses - np.mean(courses, axis=0), left - np.mean(left)
+    count = np.bincount(fold, minlength=FOLDS).astype(np.float64)
+    parts = [(mine[fold == k], own[fold == k]) for k in range(FOLDS)]
+    first, second = (np.array([np.sum(m**order, axis=0) for m, _ in parts]) for order in (1, 2))
+    both = np.array([y @ m for m, y in parts])
+    level, power = np.array([(y.sum(), y @ y) for _, y in parts]).T[..., np.newaxis]
+    total = np.zeros(courses.shape[1])
     for k in range(FOLDS):
-        unseen = block % FOLDS == k
-        if not unseen.any() or unseen.all():
+        n = count.sum() - count[k]
+        if not 0.0 < n < count.sum():
             continue
-        step = np.linalg.lstsq(table[~unseen], left[~unseen], rcond=None)[0]
-        total += float(np.sum((left[unseen] - table[unseen] @ step) ** 2))
-    return max(total, 1e-30)
+        m, y = (first.sum(axis=0) - first[k]) / n, (level.sum() - level[k]) / n
+        spread = (second.sum(axis=0) - second[k]) / n - m * m
+        slope = ((both.sum(axis=0) - both[k]) / n - m * y) / np.where(spread > 0.0, spread, np.inf)
+        start = y - slope * m
+        squares = power[k] - 2.0 * (start * level[k] + slope * both[k])
+        total += squares + count[k] * start**2 + 2.0 * start * slope * first[k] + slope**2 * second[k]
+    return np.maximum(total, 1e-30)
