@@ -266,6 +266,7 @@ def sensitivities(
     """
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
+    rolls = ROLL | {effect.name for effect in drive.vocabulary.own() if effect.steers is not None}
 
     found = np.zeros((len(columns), *rows.used.shape))
 
@@ -287,7 +288,7 @@ def sensitivities(
         elif touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)
         else:
-            there = predicted(drive, moved, road, None if ROLL & {effect, parameter.name} else moving.rolling)
+            there = predicted(drive, moved, road, None if rolls & {effect, parameter.name} else moving.rolling)
         _per_step(there, base, rows.at, rows.used, step, found[at])
 
     for _ in each(take, range(len(columns))):

@@ -42,7 +42,8 @@ Shows = Callable[[Motion, Mapping[str, float]], Mapping[str, Floats]]
 class Effect(NamedTuple):
     """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
 
-    The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels.
+    The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels. What has no name
+    may also be a course (n,) by which the front wheels turn further, times its only parameter: `steers`.
     """
 
     name: str
@@ -51,3 +52,4 @@ class Effect(NamedTuple):
     touches: str
     parameters: tuple[Parameter, ...]
     shows: Shows | None = None
+    steers: Floats | None = None

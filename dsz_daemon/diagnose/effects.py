@@ -338,14 +338,14 @@ class Vocabulary(NamedTuple):
         return next(row for row in self.effects if row.name == effect)
 
     def own(self) -> tuple[Effect, ...]:
-        """The user's own rows."""
-        return tuple(effect for effect in self.effects if effect.shows is not None)
+        """The rows behind the built-in ones."""
+        return tuple(effect for effect in self.effects if effect.shows is not None or effect.steers is not None)
 
 
 def vocabulary(own: tuple[Effect, ...] = ()) -> Vocabulary:
     """The built-in rows and one's own; ValueError: a name that is there already, or nothing that it shows."""
     for effect in own:
-        if effect.shows is None:
+        if effect.shows is None and effect.steers is None:
             raise ValueError(f"effect {effect.name!r} shows nothing; expected a function of the motion in `shows`")
     effects = (*EFFECTS, *ROAD, *NAMELESS, *own)
     names = [effect.name for effect in effects]

@@ -51,8 +51,8 @@ _EFFECT_FORM = 0.03
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # Nor is what has no name just what the simplest of a library makes of it, from inputs with their noise.
 _SHAPE_FORM = 0.1
-# Between the channel and the course of what has no name.
-SHAPE = ": k*"
+# Between where what has no name enters and its course; what a turn of the front wheels shows in.
+SHAPE, STEERING, _SHOWN_BY_STEERING = ": k*", "steering", {"gyro_z", "accel_y"}
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
@@ -91,7 +91,7 @@ _INSTEAD_OF = {
         "imu_lever_arm": [("z_m", "suspension_roll.above_m")],
     }.items()
 }
-# What one wheel has, and not all of them: once it is told of some the others have none.
+# What one wheel has: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # Of how much a load turns with a car more is known than its ends: all of it, or nothing.
@@ -258,7 +258,8 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
 
 def with_shapes(effects: Collection[str]) -> set[str]:
     """The channels of which something without a name is in the model."""
-    return {effect.partition(SHAPE)[0] for effect in effects if SHAPE in effect}
+    places = {effect.partition(SHAPE)[0] for effect in effects if SHAPE in effect}
+    return (places - {STEERING}) | (_SHOWN_BY_STEERING if STEERING in places else set())
 
 
 def may_be_a_curve(drive: Drive, effects: Collection[str], effect: str) -> bool:

@@ -258,6 +258,7 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     if at("large_angles") != 0.0:
         # An angle for its sine, or for its tangent.
         steer = steer + at("large_angles") * steer**3
+    steer = steer + _own_turn(drive, x)
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
     squares = _squares(x)
@@ -269,9 +270,19 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad, aside)
 
 
+def _own_turn(drive: Drive, x: Floats) -> Floats | float:
+    """By what the front wheels turn further (n,), of what has no name."""
+    turn: Floats | float = 0.0
+    for effect in drive.vocabulary.own():
+        if effect.steers is not None:
+            [at] = drive.vocabulary.columns_of(effect.name)
+            turn = turn + float(x[at]) * effect.steers
+    return turn
+
+
 def of_roll(x: Floats) -> Floats:
-    """The parameters of `ROLL`."""
-    return np.asarray(x[_OF_ROLL])
+    """The parameters of `ROLL`, and of what is behind the built-in rows."""
+    return np.concatenate([x[_OF_ROLL], x[len(BUILT_IN.columns) :]])
 
 
 def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:

@@ -22,7 +22,7 @@ from dsz_daemon.diagnose.moments import in_the_middle
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.pulls import by_force
 from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.shape_beside import likeliest_shape
+from dsz_daemon.diagnose.shape_beside import likeliest_shapes
 from dsz_daemon.diagnose.smaller import (
     Grown,
     asked_of,
@@ -226,12 +226,15 @@ def _nameless(
     """What has no name and gains more than what was tried: the drive with its row, the model with it, and itself."""
     named = max((step.gain for step in tried), default=0.0)
     drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
-    shape = likeliest_shape(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN)
-    if shape is None or shape.gain <= SURELY * named:
-        return None
-    there, shaped, shape = _shaped(drive, rows, best, shape, tolerance, each)
-    is_enough = shape.gain >= asked_of(there, shape.effect.name, gains) or is_beyond_form(drive, best, shaped)
-    return (there, shaped, shape) if is_enough and shape.gain > max(SURELY * named, LEAST_GAIN) else None
+    found = list[tuple[Drive, Fit, Found]]()
+    for shape in likeliest_shapes(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN):
+        if shape.gain <= SURELY * named:
+            continue
+        there, shaped, one = _shaped(drive, rows, best, shape, tolerance, each)
+        is_enough = one.gain >= asked_of(there, one.effect.name, gains) or is_beyond_form(drive, best, shaped)
+        if is_enough and one.gain > max(SURELY * named, LEAST_GAIN):
+            found.append((there, shaped, one))
+    return max(found, key=lambda one: one[2].gain, default=None)
 
 
 def _shaped(

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Bools, Each, Rows, floors
-from dsz_daemon.diagnose.correlation import correlated_rows
-from dsz_daemon.diagnose.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved, sums
-from dsz_daemon.diagnose.fit import DRAWN, Fit, Slopes, box_of, with_shapes
+from dsz_daemon.diagnose.beside import step_beside
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows
+from dsz_daemon.diagnose.evidence import Box, Sums, inverse, sums
+from dsz_daemon.diagnose.fit import Fit, Slopes, box_of, with_shapes
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
+from dsz_daemon.diagnose.steered import steered_shape
 from dsz_daemon.diagnose.unlisted import (
     BY_CHANCE,
-    CHOSEN_OF_MANY,
     LEAST_ROWS,
     Found,
     as_effect,
@@ -28,8 +28,6 @@ from dsz_daemon.signals import IMU_CHANNELS
 
 # So many are judged on blocks that they have not seen: those that take the most off what is left.
 _TRIED = 4
-# The channels' weights are found anew so often.
-_ROUNDS = 4
 
 
 class _Shape(NamedTuple):
@@ -44,7 +42,7 @@ class _Shape(NamedTuple):
     pull: Floats
 
 
-def likeliest_shape(
+def likeliest_shapes(
     drive: Drive,
     rows: Rows,
     fit: Fit,
@@ -53,12 +51,17 @@ def likeliest_shape(
     each: Each = map,
     *,
     beside: bool,
-) -> Found | None:
-    """What has no name, found in what is left, or `beside` all that is fitted again: what gains more."""
+) -> list[Found]:
+    """What has no name: of a sensor, found in what is left, or `beside` all that is fitted again; and of the car.
+
+    Of each the one that gains the most.
+    """
     shapes = [best_shape(drive, rows, fit, each)]
     if beside:
         shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), each))
-    return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
+    of_a_sensor = max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
+    found = of_a_sensor, steered_shape(drive, rows, fit, known, tolerance, each)
+    return [shape for shape in found if shape is not None]
 
 
 def shape_beside(
@@ -161,29 +164,12 @@ def _judged(
     squares[:, c, p, p] = shape.square
     cross = np.zeros((*model.left.shape, p + 1))
     cross[:, :, :p], cross[:, c, p] = model.cross, shape.pull
-    low, high = np.append(box.low, -np.inf), np.append(box.high, np.inf)
-    free = Box(low, high, np.append(box.weight, 0.0))
-    weight = np.ones_like(fit.scatter)
-    for _ in range(_ROUNDS):
-        step = solved(np.einsum("bcij,bc->ij", squares, weight), np.einsum("bci,bc->i", cross, weight), free)
-        left = fit.left - slopes @ step[:p]
-        left[:, c] -= step[p] * shape.course[rows.at]
-        left[~rows.used] = 0.0
-        # What the shape explains was scatter: the channels that show it count for more now.
-        scatter = scatter_of(rows, left, floors(drive))
-        weight = (fit.scatter / scatter) ** 2
-    # From there on: how a car is drawn is not what is judged.
-    moved = cross - squares @ step
-    power = model.left - np.einsum("bci,i->bc", cross + moved, step)
-    each = weight[:, :, np.newaxis]
-    now = Sums(squares * each[..., np.newaxis], moved * each, power * weight, model.counts)
-    lasting = [place for place, i in enumerate(fit.columns) if i not in DRAWN]
-    after = held_out(now, [*lasting, p], Box(low - step, high - step, free.weight)) * scatter**2
+    course = np.zeros_like(fit.left)
+    course[:, c] = np.where(rows.used[:, c], shape.course[rows.at], 0.0)
+    larger = model._replace(squares=squares, cross=cross)
+    step = step_beside(drive, rows, fit, slopes, larger, box, course, mute)
     coarse = model.counts.sum(axis=0)[c] * fit.form[c] ** 2
-    share = 1.0 - float((after.sum(axis=0)[c] + coarse) / (fit.unseen.sum(axis=0)[c] + coarse))
-    per_row = correlated_rows(left / scatter[rows.block], rows.used)
-    gained = gain(fit.unseen, after, model.counts, per_row, fit.form, mute) - CHOSEN_OF_MANY
-    bread = inverse(now.squares.sum(axis=(0, 1)) + np.diag(np.maximum(free.weight, 1e-12)))
-    std = float(np.sqrt(max(bread[p, p], 0.0) * per_row[c]))
-    effect = as_effect(CHANNELS[c], shape.name, shape.course, shape.unit, abs(float(step[p])))
-    return Found(effect, CHANNELS[c], f"k*{shape.name}", share, gained, float(step[p]), std)
+    share = 1.0 - float((step.unseen[c] + coarse) / (fit.unseen.sum(axis=0)[c] + coarse))
+    effect = as_effect(CHANNELS[c], shape.name, shape.course, shape.unit, abs(step.value))
+    std = step.std * float(np.sqrt(step.per_row[c]))
+    return Found(effect, CHANNELS[c], f"k*{shape.name}", share, step.gain, step.value, std)

@@ -6,8 +6,9 @@ from collections.abc import Collection, Mapping
 from functools import cached_property
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
+from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve, with_shapes
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, STEERING, Fit, Slopes, fitted, may_be_a_curve, with_shapes
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, predicted
@@ -25,6 +26,9 @@ _SHARE_OF_LIMIT = 0.2
 # And beside a shape in a gyro, or accelerometer, so much of what that gains, if it is what all of these show: it is the
 # simplest of a library, of inputs with their noise, and leaves some of what is there.
 _SHARE_OF_SHAPE = 0.1
+# The same for one that steers and what a car does, or what looks like a car that turns otherwise: its rear wheels may
+# steer, or what steers it has another phase. Neither is a car in a simulation to the letter what it is on a road.
+_SHARE_OF_STEERING, _PLACE_AND_TIME = 0.25, {"imu_lever_arm", "imu_delay", "sensor_bandwidth"}
 
 # What gains so much stands by itself.
 _BY_ITSELF = 100.0
@@ -41,13 +45,21 @@ def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
     is_one = is_shape(effect) or may_be_a_curve(drive, gains, effect)
     share = _SHARE_OF_LIMIT if effect in GRIP else _SHARE_OF_GRIP if is_one else 0.0
     by_grip = [share * gains[limit] for limit in (GRIP - {effect}) & gains.keys()]
-    instrument = effect.partition("_")[0]
-    by_shapes = [
-        _SHARE_OF_SHAPE * gain
-        for shape, gain in gains.items()
-        if is_shape(shape) and not is_shape(effect) and instrument in _INSTRUMENTS and shape.startswith(instrument)
-    ]
+    by_shapes = [_share_of(drive, effect, other) * gain for other, gain in gains.items()]
     return max([share_of_all(gains), *by_grip, *by_shapes])
+
+
+def _share_of(drive: Drive, effect: str, other: str) -> float:
+    """What an effect has to gain of what another does, if one of them is a shape and the other has a name."""
+    if is_shape(effect) == is_shape(other):
+        return 0.0
+    shape, name = (effect, other) if is_shape(effect) else (other, effect)
+    if shape.startswith(STEERING):
+        is_alike = drive.vocabulary.described(name).touches == CAR or name in _PLACE_AND_TIME
+        return _SHARE_OF_STEERING if is_alike else 0.0
+    instrument = name.partition("_")[0]
+    is_alike = shape is other and instrument in _INSTRUMENTS and shape.startswith(instrument)
+    return _SHARE_OF_SHAPE if is_alike else 0.0
 
 
 def without(

@@ -144,7 +144,7 @@ def as_truth(trial: Trial) -> dict[str, Any]:
         "effects": plain(trial.effects),
         "mild": plain(trial.mild),
         "unlisted": [
-            {"name": name, "channel": UNLISTED[name].channel.rpartition("_")[0], "size": size, "exponent": exponent}
+            {"name": name, "channel": UNLISTED[name].channel, "size": size, "exponent": exponent}
             for name, size, exponent in trial.unlisted
         ],
         "by_construction": sorted(third_party_car.BY_CONSTRUCTION) if third else [],

@@ -282,7 +282,7 @@ def _nameless(scores: Scores) -> str:
     for name, row in UNLISTED.items():
         mine = [one for one in scores if name in one["unlisted"]]
         found, misnamed = sum(one["unlisted_found"] for one in mine), sum(bool(one["extra"]) for one in mine)
-        rows.append(f"| {row.words} | {row.channel.rpartition('_')[0]} | {found} | {misnamed} | {len(mine)} |")
+        rows.append(f"| {row.words} | {row.channel} | {found} | {misnamed} | {len(mine)} |")
     return "\n".join([*rows, ""])
 
 

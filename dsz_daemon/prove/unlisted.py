@@ -1,4 +1,4 @@
-"""Physics that the vocabulary has no name for, put between the true motion and the sensors."""
+"""Physics that the vocabulary has no name for, put between the true motion, the sensors and the steering wheel."""
 
 from __future__ import annotations
 
@@ -13,17 +13,26 @@ from dsz_daemon.sim.drive import Columns
 Array = NDArray[np.float64]
 
 
-class Unlisted(NamedTuple):
-    """What it is in words, the channel that shows it, what it does to it, and how large it is at size 1.
+_STEERING = "steering_wheel_angle_rad"
 
-    `shown(columns, size, exponent)` (n,) is added to the channel.
+
+class Unlisted(NamedTuple):
+    """What it is in words, the column that has it, what it does to it, and how large it is at size 1.
+
+    `shown(columns, size, exponent)` (n,) is added to the column. `channel` shows it: a steering that is recorded
+    otherwise than it steers, in the yaw rate.
     """
 
     words: str
-    channel: str
+    column: str
     shown: Callable[[Mapping[str, Array], float, float], Array]
     size: float
     exponents: tuple[float, float]
+
+    @property
+    def channel(self) -> str:
+        """The channel that shows it."""
+        return "gyro_z" if self.column == _STEERING else self.column.rpartition("_")[0]
 
 
 def _signed(values: Array, exponent: float) -> Array:
@@ -76,10 +85,24 @@ UNLISTED = {
         0.25,
         (1.8, 2.2),
     ),
+    "air": Unlisted(
+        "air that pushes the nose aside as the car goes faster, which its driver holds against",
+        _STEERING,
+        lambda c, size, n: size * _speed(c) ** n,
+        0.08,
+        (1.7, 2.3),
+    ),
+    "kinematics": Unlisted(
+        "an axle that steers as the body leans, little at first",
+        _STEERING,
+        lambda c, size, n: size * _signed(_across(c) / 3.0, n),
+        0.15,
+        (1.8, 2.4),
+    ),
 }
 
 
 def with_unlisted(columns: Columns, name: str, size: float, exponent: float) -> Columns:
     """The columns with one of these in them."""
     row = UNLISTED[name]
-    return columns | {row.channel: columns[row.channel] + row.shown(columns, size * row.size, exponent)}
+    return columns | {row.column: columns[row.column] + row.shown(columns, size * row.size, exponent)}

@@ -154,12 +154,12 @@ def test_a_shape_is_taken_up_for_what_it_gains_as_names_do_and_not_for_a_trifle(
     one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER, change=wavy)
     effect = as_effect("accel_z", "sine", course, "m/s2", 0.01)
 
-    def shape(_drive: Any, _rows: Any, best: Any, *_: Any, **__: Any) -> Found | None:
+    def shape(_drive: Any, _rows: Any, best: Any, *_: Any, **__: Any) -> list[Found]:
         if "gyro_scale" not in best.effects or effect.name in best.effects:
-            return None
-        return Found(effect, "accel_z", "k*sine", 0.1, claimed, 0.005, 1e-5)
+            return []
+        return [Found(effect, "accel_z", "k*sine", 0.1, claimed, 0.005, 1e-5)]
 
-    monkeypatch.setattr(search_module, "likeliest_shape", shape)
+    monkeypatch.setattr(search_module, "likeliest_shapes", shape)
     monkeypatch.setattr(smaller_module, "_SHARE_OF_ALL", share)
     for room in (search_module, trials_module, smaller_module):
         monkeypatch.setattr(room, "is_beyond_form", lambda *_: beyond)
@@ -186,10 +186,10 @@ def test_a_shape_that_seems_to_gain_more_than_a_name_and_does_not_comes_after_it
     one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER, change=wavy)
     effect = as_effect("accel_z", "sine", course, "m/s2", 0.01)
 
-    def shape(_drive: Any, _rows: Any, best: Any, *_: Any, **__: Any) -> Found | None:
-        return None if effect.name in best.effects else Found(effect, "accel_z", "k*sine", 0.1, 1e6, 0.005, 1e-5)
+    def shape(_drive: Any, _rows: Any, best: Any, *_: Any, **__: Any) -> list[Found]:
+        return [] if effect.name in best.effects else [Found(effect, "accel_z", "k*sine", 0.1, 1e6, 0.005, 1e-5)]
 
-    monkeypatch.setattr(search_module, "likeliest_shape", shape)
+    monkeypatch.setattr(search_module, "likeliest_shapes", shape)
     found = searched(one, rows_of(one), TOLERANCE)
     assert found.best.effects == ("gyro_scale", effect.name)
     assert found.gains["gyro_scale"] > found.gains[effect.name] > 20.0
@@ -237,7 +237,7 @@ def test_of_two_that_came_at_once_the_one_that_a_road_leaves_is_told_with_what_i
     alone = fitted(one, rows, nothing(), ("gyro_scale",), TOLERANCE)
     pairs, settled = [[Step("accel_scale", 100.0, both)]], [alone]
     monkeypatch.setattr(search_module, "starts_of", lambda *_: [])
-    monkeypatch.setattr(search_module, "likeliest_shape", lambda *_, **__: None)
+    monkeypatch.setattr(search_module, "likeliest_shapes", lambda *_, **__: [])
     monkeypatch.setattr(search_module, "two_at_once", lambda *_: pairs.pop() if pairs else [])
     monkeypatch.setattr(smaller_module.Grown, "settled", lambda _: settled.pop() if settled else None)
     found = searched(one, rows, TOLERANCE)

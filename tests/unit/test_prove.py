@@ -113,14 +113,15 @@ def test_cars_understeer() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(UNLISTED))
-def test_what_has_no_name_is_in_its_channel_alone(name: str) -> None:
+def test_what_has_no_name_is_in_its_column_alone(name: str) -> None:
     rng = np.random.default_rng(3)
-    names = ["speed_mps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2", "wheel_speed_rl_mps"]
+    names = ["speed_mps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2", "wheel_speed_rl_mps",
+             "steering_wheel_angle_rad"]  # fmt: skip
     columns = {key: 10.0 + rng.normal(size=50) for key in names}
     changed = with_unlisted(columns, name, 1.0, 2.0)
-    assert [key for key in columns if not np.array_equal(columns[key], changed[key])] == [UNLISTED[name].channel]
-    half = with_unlisted(columns, name, 0.5, 2.0)[UNLISTED[name].channel] - columns[UNLISTED[name].channel]
-    whole = changed[UNLISTED[name].channel] - columns[UNLISTED[name].channel]
+    assert [key for key in columns if not np.array_equal(columns[key], changed[key])] == [UNLISTED[name].column]
+    half = with_unlisted(columns, name, 0.5, 2.0)[UNLISTED[name].column] - columns[UNLISTED[name].column]
+    whole = changed[UNLISTED[name].column] - columns[UNLISTED[name].column]
     assert half == pytest.approx(0.5 * whole)
 
 

@@ -1,0 +1,145 @@
+"""A car that turns otherwise than its steering says, by what has no name, is no sensor's and nobody else's fault."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
+
+from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.fit import fitted, with_shapes
+from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, of_roll, predicted
+from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.smaller import asked_of
+from dsz_daemon.diagnose.steered import as_steering, courses_of, steered_shape
+from dsz_daemon.diagnose.unlisted import as_effect, unlisted
+
+RATIO = 16.0
+
+
+def turned(course: str, k: float, steer: np.ndarray = CITY_STEER) -> Drive:
+    """A car whose front wheels turn by k times the course more than is recorded."""
+    level = drive({}, CITY_V, steer)
+    moving = driven(level, nothing(), flat(N))
+    values, _ = courses_of(moving, steer * RATIO, steer)[course]
+    return drive({}, CITY_V, steer + k * values)._replace(steer=steer)
+
+
+@pytest.mark.parametrize(
+    ("course", "k", "unit", "near"),
+    [
+        ("vx^2", 2e-5, "rad/(m2/s2) of the front wheels", 0.05),
+        # By the acceleration of the car as it is simulated without, which is another then.
+        ("ay*|ay|", -4e-4, "rad/(m2/s4) of the front wheels", 0.25),
+        ("(1-cos(hand))", 0.01, "rad of the front wheels", 0.05),
+    ],
+)
+def test_what_steers_without_a_name_is_told_by_what_it_follows(course: str, k: float, unit: str, near: float) -> None:
+    one = turned(course, k)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert found.best.effects == (f"steering: k*{course}",)
+    [shape] = unlisted(found.drive, found.rows, found.best, found.shapes)
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == ("gyro_z", f"k*{course}", unit)
+    assert shape.coefficient.value == pytest.approx(k, rel=near)
+
+
+def test_a_hand_wheel_that_turns_far_tells_a_sensor_off_its_centre_from_a_ratio() -> None:
+    one = turned("sin(hand)", 0.006, 2.5 * CITY_STEER)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert found.best.effects == ("steering: k*sin(hand)",)
+    moving = driven(one, nothing(), flat(N))
+    assert "sin(hand)" not in courses_of(moving, CITY_STEER * RATIO, CITY_STEER)
+    assert "sin(2*hand)" not in courses_of(moving, CITY_STEER * RATIO, CITY_STEER)
+
+
+@pytest.mark.parametrize(
+    ("planted", "effect"),
+    [
+        ({"steering_ratio.scale": 0.05}, "steering_ratio"),
+        ({"steering_ratio.per_rad": 0.06}, "steering_ratio"),
+        ({"steering_offset.offset_rad": 0.003}, "steering_offset"),
+        ({"steering_compliance.rad_per_n": 2e-6}, "steering_compliance"),
+        ({"tyre_saturation.inverse_square": 4.0}, "tyre_saturation"),
+        ({"gyro_scale.z": 0.03}, "gyro_scale"),
+    ],
+)
+def test_what_has_a_name_keeps_it(planted: dict[str, float], effect: str) -> None:
+    one = drive(planted, CITY_V, CITY_STEER)
+    assert searched(one, rows_of(one), TOLERANCE).best.effects[0] == effect
+
+
+def test_where_neither_yaw_rate_nor_lateral_acceleration_is_there_nothing_steers() -> None:
+    def without(one: Drive) -> None:
+        one.measured[:, [2, 4]] = np.nan
+
+    one = drive({}, CITY_V, CITY_STEER, change=without)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    known = screened(one, rows, fit, TOLERANCE, map).known
+    assert steered_shape(one, rows, fit, known, TOLERANCE) is None
+
+
+def test_its_slope_is_that_of_the_car_it_steers() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    course = 0.001 * np.abs(CITY_V)
+    more = one._replace(vocabulary=vocabulary((as_steering("c", course, ""),)))
+    rows, x = rows_of(more), np.append(nothing(), 0.0)
+    base = predicted(more, x, flat(N))
+    slope = sensitivities(more, rows, x, flat(N), base, [len(x) - 1])[:, :, 0]
+    step = more.vocabulary.columns[-1][1].step
+    there = predicted(one._replace(steer=CITY_STEER + step * course), nothing(), flat(N))
+    expected = np.where(rows.used, ((there - base) / step)[rows.at], 0.0)
+    np.testing.assert_allclose(slope, expected, rtol=1e-9, atol=1e-9)
+    assert np.abs(slope[:, 2]).max() > 0.0
+    # And a road is felt anew for it.
+    other = x.copy()
+    other[-1] = 0.1
+    assert of_roll(other).tobytes() != of_roll(x).tobytes()
+
+
+def test_the_equation_is_that_of_its_words() -> None:
+    level = drive({}, CITY_V, CITY_STEER)
+    moving = driven(level, nothing(), flat(N))
+    v, side = moving.v_mps, moving.moved[:, motion.AY]
+    found = courses_of(moving, 2.0 * np.ones(N), CITY_STEER)
+    np.testing.assert_allclose(found["vx^2"][0], v**2)
+    np.testing.assert_allclose(found["vx*delta"][0], v * CITY_STEER)
+    np.testing.assert_allclose(found["ay*|ay|"][0], np.sign(side) * side**2)
+    np.testing.assert_allclose(found["(1-cos(hand))"][0], 1.0 - np.cos(2.0))
+    np.testing.assert_allclose(found["(1-cos(2*hand))"][0], 1.0 - np.cos(4.0))
+    np.testing.assert_allclose(found["sin(hand)"][0], np.sin(2.0))
+    np.testing.assert_allclose(found["sin(2*hand)"][0], np.sin(4.0))
+
+
+STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"
+
+
+@pytest.mark.parametrize(
+    ("effect", "beside", "asked"),
+    [
+        # What a car does, and where or when an IMU feels it, may be a car that steers otherwise.
+        ("steering_ratio", STEERS, 25.0),
+        ("imu_lever_arm", STEERS, 25.0),
+        ("imu_delay", STEERS, 25.0),
+        ("wheel_radius", STEERS, 1.5),
+        ("gyro_scale", STEERS, 1.5),
+        (STEERS, "steering_compliance", 25.0),
+        (STEERS, "gyro_scale", 1.5),
+        (STEERS, LEANS, 1.5),
+        ("gyro_scale", LEANS, 10.0),
+        ("accel_scale", LEANS, 1.5),
+        (LEANS, "gyro_scale", 1.5),
+    ],
+)
+def test_what_has_to_be_gained_beside_a_shape(effect: str, beside: str, asked: float) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    own = (as_steering("vx^2", CITY_V**2, "m2/s2"), as_effect("gyro_z", "vx^2", CITY_V**2, "1", 1e-3))
+    one = one._replace(vocabulary=vocabulary(own))
+    assert asked_of(one, effect, {beside: 100.0}) == pytest.approx(asked)
+
+
+def test_what_steers_shows_in_the_yaw_rate_and_across() -> None:
+    assert with_shapes([STEERS, "accel_x: k*ay^2", "gyro_scale"]) == {"gyro_z", "accel_y", "accel_x"}
