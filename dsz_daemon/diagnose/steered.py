@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.evidence import inverse, sums
 from dsz_daemon.diagnose.fit import SHAPE, STEERING, Fit, Slopes, box_of
 from dsz_daemon.diagnose.gains import quiet
-from dsz_daemon.diagnose.motion import AY
+from dsz_daemon.diagnose.motion import AY, VY
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven, predicted
 from dsz_daemon.diagnose.unlisted import Found
 
@@ -40,6 +40,7 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> dict[str,
     found: dict[str, tuple[Floats, str]] = {
         "vx^2": (v * v, "m2/s2"),
         "vx*delta": (v * steer_rad, "m rad/s"),
+        "vx*vy": (v * moving.moved[:, VY], "m2/s2"),
         "ay*|ay|": (side * np.abs(side), "m2/s4"),
         "(1-cos(hand))": (1.0 - np.cos(hand_rad), ""),
         "(1-cos(2*hand))": (1.0 - np.cos(2.0 * hand_rad), ""),
@@ -71,17 +72,20 @@ def steered_shape(
 
     `known`: sensitivities at the model's end.
     """
-    if not rows.used[:, [_YAW, _ACROSS]].any():
+    mute = quiet(drive, fit)
+    if not (rows.used.any(axis=0) & ~mute)[[_YAW, _ACROSS]].any():
         return None
     courses = courses_of(driven(drive, fit.x, fit.road), drive.steer * drive.steering_ratio, drive.steer)
     new = [as_steering(name, *course) for name, course in courses.items() if np.any(course[0])]
     new = [effect for effect in new if effect.name not in fit.effects]
-    there = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), *new)))
+    # One that had to go is in the vocabulary still.
+    renamed = [effect._replace(name=f"new {effect.name}") for effect in new]
+    there = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), *renamed)))
     x = np.append(fit.x, np.zeros(len(new)))
     columns = range(len(fit.x), len(x))
     shown = sensitivities(there, rows, x, fit.road, predicted(there, x, fit.road), columns, fit.felt, each)
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
-    box, mute = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance), quiet(drive, fit)
+    box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     p, model = slopes.shape[2], sums(rows, fit.left, np.concatenate([slopes, shown], axis=2), fit.scatter)
     squares, cross = model.squares.sum(axis=(0, 1)), model.cross.sum(axis=(0, 1))
     bread = inverse(squares[:p, :p] + np.diag(np.maximum(box.weight, 1e-12)))

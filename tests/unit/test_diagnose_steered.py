@@ -7,6 +7,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose import steered as steered_module
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.fit import fitted, with_shapes
@@ -18,6 +19,7 @@ from dsz_daemon.diagnose.steered import as_steering, courses_of, steered_shape
 from dsz_daemon.diagnose.unlisted import as_effect, unlisted
 
 RATIO = 16.0
+STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"
 
 
 def turned(course: str, k: float, steer: np.ndarray = CITY_STEER) -> Drive:
@@ -32,8 +34,9 @@ def turned(course: str, k: float, steer: np.ndarray = CITY_STEER) -> Drive:
     ("course", "k", "unit", "near"),
     [
         ("vx^2", 2e-5, "rad/(m2/s2) of the front wheels", 0.05),
-        # By the acceleration of the car as it is simulated without, which is another then.
+        # By the motion of the car as it is simulated without, which is another then.
         ("ay*|ay|", -4e-4, "rad/(m2/s4) of the front wheels", 0.25),
+        ("vx*vy", -2e-3, "rad/(m2/s2) of the front wheels", 0.25),
         ("(1-cos(hand))", 0.01, "rad of the front wheels", 0.05),
     ],
 )
@@ -69,6 +72,26 @@ def test_a_hand_wheel_that_turns_far_tells_a_sensor_off_its_centre_from_a_ratio(
 def test_what_has_a_name_keeps_it(planted: dict[str, float], effect: str) -> None:
     one = drive(planted, CITY_V, CITY_STEER)
     assert searched(one, rows_of(one), TOLERANCE).best.effects[0] == effect
+
+
+def test_one_that_had_to_go_may_come_back() -> None:
+    one = turned("vx^2", 2e-5)
+    one = one._replace(vocabulary=vocabulary((as_steering("vx^2", CITY_V**2, "m2/s2"),)))
+    assert searched(one, rows_of(one), TOLERANCE).best.effects == (STEERS,)
+
+
+def test_where_nothing_is_left_nothing_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    known = screened(one, rows, fit, TOLERANCE, map).known
+    assert steered_shape(one, rows, fit, known, TOLERANCE) is not None
+    silent = np.ones(13, dtype=np.bool_)
+    monkeypatch.setattr(steered_module, "quiet", lambda *_: silent)
+    assert steered_shape(one, rows, fit, known, TOLERANCE) is None
+    # Where one of the two is left, it is.
+    silent[4] = False
+    assert steered_shape(one, rows, fit, known, TOLERANCE) is not None
 
 
 def test_where_neither_yaw_rate_nor_lateral_acceleration_is_there_nothing_steers() -> None:
@@ -107,14 +130,12 @@ def test_the_equation_is_that_of_its_words() -> None:
     found = courses_of(moving, 2.0 * np.ones(N), CITY_STEER)
     np.testing.assert_allclose(found["vx^2"][0], v**2)
     np.testing.assert_allclose(found["vx*delta"][0], v * CITY_STEER)
+    np.testing.assert_allclose(found["vx*vy"][0], v * moving.moved[:, motion.VY])
     np.testing.assert_allclose(found["ay*|ay|"][0], np.sign(side) * side**2)
     np.testing.assert_allclose(found["(1-cos(hand))"][0], 1.0 - np.cos(2.0))
     np.testing.assert_allclose(found["(1-cos(2*hand))"][0], 1.0 - np.cos(4.0))
     np.testing.assert_allclose(found["sin(hand)"][0], np.sin(2.0))
     np.testing.assert_allclose(found["sin(2*hand)"][0], np.sin(4.0))
-
-
-STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"
 
 
 @pytest.mark.parametrize(
