@@ -48,6 +48,7 @@ def _speed(columns: Mapping[str, Array]) -> Array:
     return np.maximum(columns["speed_mps"], 0.0) / 20.0
 
 
+# None that is one of the vocabulary: an axle that steers out of a bend does what a tyre near its limit does.
 # Exponents are drawn between two: a quadratic law is as good as one with 1.8.
 UNLISTED = {
     "vibration": Unlisted(
@@ -93,9 +94,9 @@ UNLISTED = {
         (1.7, 2.3),
     ),
     "kinematics": Unlisted(
-        "an axle that steers as the body leans, little at first",
+        "an axle that steers further round as the body leans, little at first",
         _STEERING,
-        lambda c, size, n: size * _signed(_across(c) / 3.0, n),
+        lambda c, size, n: -size * _signed(_across(c) / 3.0, n),
         0.15,
         (1.8, 2.4),
     ),
