@@ -79,7 +79,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     left = doubt(found, unexplained)
     # A grade that no gyro feels is judged by one channel: what else is off is no matter.
     alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
-    told = (_cause(found, effect, alone if effect == "road_grade" else left) for effect in named)
+    told = (_cause(found, effect, alone if effect == "road_grade" else left, each) for effect in named)
     causes = [cause for cause in told if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
@@ -132,7 +132,7 @@ def _usual(found: Search) -> Floats:
     return np.asarray(np.maximum(rms, found.best.scatter.min(axis=0)), dtype=np.float64)
 
 
-def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
+def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> Cause | None:
     """One named effect; None where it is too small to be given a name, or gains too little.
 
     Where a simulation is off by `left` times what it may be, what looks like a cause may be how it is wrong: so many
@@ -179,7 +179,7 @@ def _cause(found: Search, effect: str, left: float = 1.0) -> Cause | None:
         dict(found.elsewhere[effect]),
         group,
         others,
-        _to_drive_next(found, effect, group),
+        _to_drive_next(found, effect, group, each),
     )
 
 
@@ -205,12 +205,12 @@ def _least_wind_n(drive: Drive) -> float:
     return max(_LEAST_WIND_N, _BEYOND_STEPS * 2.0 * drive.car.front_cornering_stiffness_n_per_rad * rms_rad)
 
 
-def _to_drive_next(found: Search, effect: str, group: list[str]) -> str | None:
+def _to_drive_next(found: Search, effect: str, group: list[str], each: Each) -> str | None:
     """What would split an effect from its group; None where it stands alone."""
     screened = [other for other in group if other not in NEVER_SCREENED]
     if not screened or effect in NEVER_SCREENED:
         return None
-    words = next_manoeuvre(found.drive, found.best.x, effect, screened)
+    words = next_manoeuvre(found.drive, found.best.x, effect, screened, each)
     return words or f"none that steers and brakes splits it from {', '.join(screened)}: weigh the car, measure the part"
 
 

@@ -17,8 +17,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
+from dsz_daemon.diagnose.evidence import Box, solved
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
@@ -320,20 +320,20 @@ def _correlation(a: Floats, b: Floats) -> float:
 
 
 def _fitted(target: Floats, columns: Sequence[Floats], bounds: Sequence[tuple[float, float]]) -> tuple[Floats, float]:
-    """What bounded least squares leave of the target, and the last column's coefficient."""
+    """What bounded least squares leave of the target, and the last column's coefficient; one of zeros has none."""
     if not columns:
         return target, 0.0
     matrix = np.column_stack(columns)
-    found = lsq_linear(matrix, target, tuple(np.array(bounds).T), method="bvls")
-    return np.asarray(target - matrix @ found.x), float(found.x[-1])
+    low, high = np.array(bounds, dtype=np.float64).T
+    found = solved(matrix.T @ matrix, matrix.T @ target, Box(low, high, np.full(len(low), 1e-9)))
+    return np.asarray(target - matrix @ found), float(found[-1])
 
 
 def _correlated_rows(left: Floats) -> float:
     """How many rows say as much as one independent one: 1 + 2 sum of the autocorrelation, up to where it ends."""
-    power = float(left @ left)
+    total, power = 1.0, float(left @ left)
     if power <= 0.0:
-        return 1.0
-    total = 1.0
+        return total
     for lag in range(1, len(left) // 4):
         one = float(left[lag:] @ left[:-lag]) / power
         if one < 0.05:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Rows, noises, rows_of, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, noises, rows_of, sensitivities
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.fit import nuisances
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
@@ -83,11 +83,11 @@ MANOEUVRES = (
 )
 
 
-def next_manoeuvre(drive: Drive, x: Floats, effect: str, others: Sequence[str]) -> str | None:
+def next_manoeuvre(drive: Drive, x: Floats, effect: str, others: Sequence[str], each: Each = map) -> str | None:
     """In words, what splits the effect (as large as in `x`) from the others best; None where nothing does."""
-    told = [(_tells(driven(drive, one), x, effect, others), one.words) for one in MANOEUVRES]
-    most, words = max(told, key=lambda one: one[0])
-    return words if most >= _LEAST else None
+    told = list(each(lambda one: _tells(driven(drive, one), x, effect, others), MANOEUVRES))
+    most = max(told)
+    return MANOEUVRES[told.index(most)].words if most >= _LEAST else None
 
 
 def driven(drive: Drive, manoeuvre: Manoeuvre) -> Drive:

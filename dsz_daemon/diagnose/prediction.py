@@ -274,9 +274,9 @@ def _own_turn(drive: Drive, x: Floats) -> Floats | float:
     """By what the front wheels turn further (n,), of what has no name."""
     turn: Floats | float = 0.0
     for effect in drive.vocabulary.own():
-        if effect.steers is not None:
-            [at] = drive.vocabulary.columns_of(effect.name)
-            turn = turn + float(x[at]) * effect.steers
+        # On another drive (a manoeuvre) there is no such course, and nothing turns by it.
+        if effect.steers is not None and (k := float(x[drive.vocabulary.columns_of(effect.name)[0]])) != 0.0:
+            turn = turn + k * effect.steers
     return turn
 
 

@@ -106,7 +106,7 @@ def screened(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float]
     before = np.asarray(held_out(found, own, box) * best.scatter**2)
     known = Slopes(best.x, best.effects, tuple(columns), slopes)
     screening = Screening([], known, best, found, box, own, of_effects, before)
-    gains = {name: screening.gain([name]) for name in of_effects}
+    gains = dict(zip(of_effects, each(lambda name: screening.gain([name]), of_effects), strict=True))
     enough = max([_WORTH * max(gains.values()), 0.5 * LEAST_GAIN]) if gains else 0.0
     names = [name for name in sorted(gains, key=lambda name: -gains[name]) if gains[name] > enough]
     return screening._replace(names=names)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.optimize
 from scipy.optimize import lsq_linear
 
-from dsz_daemon.diagnose import evidence
 from dsz_daemon.diagnose.evidence import Box, solved
 from dsz_daemon.diagnose.instruments import low_passed
 from dsz_daemon.diagnose.recording import filter_kernel, filtered
@@ -31,7 +31,7 @@ def test_the_step_in_a_box_is_the_library_s(seed: int, monkeypatch: pytest.Monke
     p = len(box.low)
     rows, goal = np.vstack([slopes, 1e-3 * np.eye(p)]), np.append(left, np.zeros(p))
     expected = lsq_linear(rows, goal, (box.low, np.maximum(box.high, box.low + 1e-12)), method="bvls").x
-    monkeypatch.setattr(evidence, "lsq_linear", lambda *_, **__: pytest.fail("such a step is found at once"))
+    monkeypatch.setattr(scipy.optimize, "lsq_linear", lambda *_, **__: pytest.fail("such a step is found at once"))
     step = solved(slopes.T @ slopes, slopes.T @ left, box)
     np.testing.assert_allclose(step, expected, rtol=1e-7, atol=1e-9)
     assert ((box.low <= step) & (step <= box.high)).all()

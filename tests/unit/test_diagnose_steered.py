@@ -9,8 +9,9 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import steered as steered_module
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import fitted, with_shapes
+from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, of_roll, predicted
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
@@ -78,6 +79,15 @@ def test_one_that_had_to_go_may_come_back() -> None:
     one = turned("vx^2", 2e-5)
     one = one._replace(vocabulary=vocabulary((as_steering("vx^2", CITY_V**2, "m2/s2"),)))
     assert searched(one, rows_of(one), TOLERANCE).best.effects == (STEERS,)
+
+
+def test_a_manoeuvre_to_drive_next_knows_no_course_of_this_drive() -> None:
+    one = turned("vx^2", 2e-5)
+    there = one._replace(vocabulary=vocabulary((as_steering("vx^2", CITY_V**2, "m2/s2"),)))
+    x = np.append(nothing(), 2e-5)
+    x[INDEX["mass_loading.added_mass_kg"]] = 300.0
+    words = next_manoeuvre(there, x, "mass_loading", ["steering_compliance"])
+    assert words == next_manoeuvre(one, x[:-1], "mass_loading", ["steering_compliance"])
 
 
 def test_where_nothing_is_left_nothing_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
