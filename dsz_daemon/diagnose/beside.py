@@ -15,6 +15,19 @@ from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
 
 # The channels' weights are found anew so often.
 _ROUNDS = 4
+_HIDDEN = 1e-9
+
+
+def taken_beside(bread: Floats, pulls: Floats, cross: Floats, square: float, pull: float) -> float:
+    """How much of the sum of squares a course takes with the model fitted again beside it, its bounds aside.
+
+    `bread` (p, p), the inverse of the model's normal equations, and its `pulls` (p,); the course's products with the
+    model's slopes (p,), with itself, and with what is left.
+    """
+    bent = bread @ cross
+    own, more = square - float(cross @ bent), pull - float(pulls @ bent)
+    # One that the model hides takes nothing.
+    return more**2 / own if own > _HIDDEN * square else 0.0
 
 
 class Beside(NamedTuple):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.beside import step_beside
+from dsz_daemon.diagnose.beside import step_beside, taken_beside
 from dsz_daemon.diagnose.comparison import Bools, Each, Rows
 from dsz_daemon.diagnose.evidence import Box, Sums, inverse, sums
 from dsz_daemon.diagnose.fit import Fit, Slopes, box_of, with_shapes
@@ -110,7 +110,13 @@ def _likeliest(
     # Of parameters that the drive does not tell apart none is told: no solution, but no reason to end either.
     bread = inverse(model.squares.sum(axis=(0, 1)) + np.diag(np.maximum(box.weight, 1e-12)))
     shapes = _shapes(drive, rows, fit, slopes, channels)
-    tried = sorted(shapes, key=lambda shape: -_taken(shape, model, bread))[:_TRIED]
+    pulls = model.cross.sum(axis=(0, 1))
+
+    def taken(shape: _Shape) -> float:
+        square, pull = float(shape.square.sum()), float(shape.pull.sum())
+        return taken_beside(bread, pulls, shape.cross.sum(axis=0), square, pull)
+
+    tried = sorted(shapes, key=lambda shape: -taken(shape))[:_TRIED]
     judged = each(lambda shape: _judged(drive, rows, fit, slopes, model, box, shape, mute), tried)
     return max(judged, key=lambda found: found.gain, default=None)
 
@@ -142,15 +148,6 @@ def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats, channels: Collec
             unit = f"({unit_of(c)})/({over})" if over else unit_of(c)
             found.append(_Shape(c, name, unit, own_courses[:, k], square[:, k], cross[:, k], pull[:, k]))
     return found
-
-
-def _taken(shape: _Shape, model: Sums, bread: Floats) -> float:
-    """How much of the sum of squares a shape takes with the model fitted again, its bounds aside."""
-    cross = shape.cross.sum(axis=0)
-    bent = bread @ cross
-    own = float(shape.square.sum() - cross @ bent)
-    pull = float(shape.pull.sum() - model.cross.sum(axis=(0, 1)) @ bent)
-    return pull**2 / own if own > 1e-9 * float(shape.square.sum()) else 0.0
 
 
 def _judged(

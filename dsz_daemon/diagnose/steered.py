@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dsz_daemon.diagnose.beside import step_beside
+from dsz_daemon.diagnose.beside import step_beside, taken_beside
 from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
 from dsz_daemon.diagnose.effects import vocabulary
@@ -24,8 +24,8 @@ from dsz_daemon.diagnose.unlisted import Found
 _YAW, _ACROSS = CHANNELS.index("gyro_z"), CHANNELS.index("accel_y")
 # A turn of the front wheels, rms, that any of them may bring; and the most.
 _SOME_RAD, _MOST_RAD = 0.002, 0.5
-# So many are judged on blocks that they have not seen: those that take the most off what is left; none that is hidden.
-_TRIED, _HIDDEN = 2, 1e-9
+# So many are judged on blocks that they have not seen: those that take the most off what is left.
+_TRIED = 2
 # Of smaller turns of the hand wheel its sine is the turn, which has a name.
 _TURNED_RAD = 1.5
 
@@ -91,11 +91,8 @@ def steered_shape(
     bread = inverse(squares[:p, :p] + np.diag(np.maximum(box.weight, 1e-12)))
 
     def taken(at: int) -> float:
-        """How much of the sum of squares it takes with the model fitted again, its bounds aside."""
-        bent = bread @ squares[:p, p + at]
-        own = float(squares[p + at, p + at] - squares[p + at, :p] @ bent)
-        pull = float(cross[p + at] - cross[:p] @ bent)
-        return pull**2 / own if own > _HIDDEN * float(squares[p + at, p + at]) else 0.0
+        own, mine = squares[p + at], p + at
+        return taken_beside(bread, cross[:p], own[:p], float(own[mine]), float(cross[mine]))
 
     def judged(at: int) -> Found:
         course, effect = np.ascontiguousarray(shown[:, :, at]), new[at]

@@ -252,7 +252,7 @@ def test_without_scipy_the_desk_extra_is_named(
 ) -> None:
     for name in [name for name in sys.modules if name.startswith(("dsz_daemon.diagnose", "dsz_daemon.runs.diagnose"))]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    monkeypatch.setitem(sys.modules, "scipy.fft", None)
     assert main(["diagnose", "x.log", "-c", "x.yaml", "-o", str(tmp_path)]) == 4
     assert "pip install dsz-daemon[desk]" in capsys.readouterr().err
 

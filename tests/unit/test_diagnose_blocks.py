@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
+from dsz_daemon.diagnose import beside, shape_beside, untested
 from dsz_daemon.diagnose import fit as fit_module
-from dsz_daemon.diagnose import shape_beside, untested
 from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import loss_of
@@ -103,7 +103,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
         return correlated_rows(left, used)
 
     monkeypatch.setattr(fit_module, "correlated_rows", hearing)
-    monkeypatch.setattr(shape_beside, "correlated_rows", hearing)
+    monkeypatch.setattr(beside, "correlated_rows", hearing)
     return heard
 
 
