@@ -27,10 +27,11 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.shape_names import is_shape
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import is_shape, pull_shapes, unlisted, wheel_shapes
+from dsz_daemon.diagnose.unlisted import pull_shapes, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 

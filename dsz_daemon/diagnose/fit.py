@@ -28,6 +28,7 @@ from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, fl
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.shape_names import with_shapes
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 from dsz_daemon.diagnose.smooth_roads import (
     SURER,
@@ -51,8 +52,6 @@ _EFFECT_FORM = 0.03
 _GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
 # Nor is what has no name just what the simplest of a library makes of it, from inputs with their noise.
 _SHAPE_FORM = 0.1
-# Between where what has no name enters and its course; what a turn of the front wheels shows in.
-SHAPE, STEERING, _SHOWN_BY_STEERING = ": k*", "steering", {"gyro_z", "accel_y"}
 # And its parameter is so uncertain at least.
 OF_ITSELF = 0.02
 # And no better known than by this share of what is worth a name, which is what form does to it: sines for angles, two
@@ -91,7 +90,7 @@ _INSTEAD_OF = {
         "imu_lever_arm": [("z_m", "suspension_roll.above_m")],
     }.items()
 }
-# What one wheel has: once it is told of some the others have none.
+# What one wheel has, and not all of them: once it is told of some the others have none.
 ONE_BY_ONE = frozenset({"wheel_square"})
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 # Of how much a load turns with a car more is known than its ends: all of it, or nothing.
@@ -254,12 +253,6 @@ def _floors(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], felt:
     if leans_on_a_bank(effects):
         found = np.hypot(found, _form(drive, rows, x, effects, predicted(drive, x, felt(x))))
     return found
-
-
-def with_shapes(effects: Collection[str]) -> set[str]:
-    """The channels of which something without a name is in the model."""
-    places = {effect.partition(SHAPE)[0] for effect in effects if SHAPE in effect}
-    return (places - {STEERING}) | (_SHOWN_BY_STEERING if STEERING in places else set())
 
 
 def may_be_a_curve(drive: Drive, effects: Collection[str], effect: str) -> bool:

@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.pulls import by_force
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.shape_beside import likeliest_shapes
+from dsz_daemon.diagnose.shape_names import is_shape
 from dsz_daemon.diagnose.smaller import (
     Grown,
     asked_of,
@@ -45,7 +46,7 @@ from dsz_daemon.diagnose.trials import (
     two_at_once,
     two_instead,
 )
-from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found, is_shape
+from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
 
 Progress = Callable[[str], None]
 

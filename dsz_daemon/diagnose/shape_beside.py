@@ -10,9 +10,10 @@ import numpy as np
 from dsz_daemon.diagnose.beside import step_beside, taken_beside
 from dsz_daemon.diagnose.comparison import Bools, Each, Rows
 from dsz_daemon.diagnose.evidence import Box, Sums, inverse, sums
-from dsz_daemon.diagnose.fit import Fit, Slopes, box_of, with_shapes
+from dsz_daemon.diagnose.fit import Fit, Slopes, box_of
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven
+from dsz_daemon.diagnose.shape_names import with_shapes
 from dsz_daemon.diagnose.steered import steered_shape
 from dsz_daemon.diagnose.unlisted import (
     BY_CHANCE,
@@ -72,38 +73,16 @@ def shape_beside(
     tolerance: Mapping[str, float],
     mute: Bools,
     each: Each = map,
+    channels: Collection[str] | None = None,
 ) -> Found | None:
     """The shape that gains most on unseen blocks where the whole model is fitted again beside it, by a linear step.
 
     That is how names are judged: what the first refit bends to a shape must not leave it a name's size. `known`:
-    sensitivities at the model's end; `mute` (13,): channels that have nothing to gain, as of `gain`.
+    sensitivities at the model's end; `mute` (13,): what has nothing to gain, as of `gain`; `channels`: of which one is
+    looked for, those of the IMU that have none if not given.
     """
-    there = with_shapes(fit.effects)
-    channels = [name for name in IMU_CHANNELS if name not in there]
-    return _likeliest(drive, rows, fit, known, tolerance, mute, channels, each)
-
-
-def another_course(
-    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], channels: Collection[str]
-) -> float:
-    """What a second course gains on channels that have a shape already, as if it were not the best of many.
-
-    The first is the simplest of a library: what it leaves is its own form's.
-    """
-    found = _likeliest(drive, rows, fit, known, tolerance, quiet(drive, fit), channels)
-    return found.gain + BY_CHANCE if found is not None else 0.0
-
-
-def _likeliest(
-    drive: Drive,
-    rows: Rows,
-    fit: Fit,
-    known: Slopes,
-    tolerance: Mapping[str, float],
-    mute: Bools,
-    channels: Collection[str],
-    each: Each = map,
-) -> Found | None:
+    if channels is None:
+        channels = set(IMU_CHANNELS) - with_shapes(fit.effects)
     slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     model = sums(rows, fit.left, slopes, fit.scatter)
@@ -119,6 +98,17 @@ def _likeliest(
     tried = sorted(shapes, key=lambda shape: -taken(shape))[:_TRIED]
     judged = each(lambda shape: _judged(drive, rows, fit, slopes, model, box, shape, mute), tried)
     return max(judged, key=lambda found: found.gain, default=None)
+
+
+def another_course(
+    drive: Drive, rows: Rows, fit: Fit, known: Slopes, tolerance: Mapping[str, float], channels: Collection[str]
+) -> float:
+    """What a second course gains on channels that have a shape already, as if it were not the best of many.
+
+    The first is the simplest of a library: what it leaves is its own form's.
+    """
+    found = shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), channels=channels)
+    return found.gain + BY_CHANCE if found is not None else 0.0
 
 
 def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats, channels: Collection[str]) -> list[_Shape]:

@@ -8,14 +8,14 @@ from functools import cached_property
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, STEERING, Fit, Slopes, fitted, may_be_a_curve, with_shapes
+from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, predicted
 from dsz_daemon.diagnose.shape_beside import another_course
+from dsz_daemon.diagnose.shape_names import STEERING, is_shape, with_shapes
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import is_shape
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015

@@ -15,10 +15,11 @@ from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
 from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.evidence import inverse, sums
-from dsz_daemon.diagnose.fit import SHAPE, STEERING, Fit, Slopes, box_of
+from dsz_daemon.diagnose.fit import Fit, Slopes, box_of
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.motion import AY, VY
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven, predicted
+from dsz_daemon.diagnose.shape_names import SHAPE, STEERING
 from dsz_daemon.diagnose.unlisted import Found
 
 _YAW, _ACROSS = CHANNELS.index("gyro_z"), CHANNELS.index("accel_y")

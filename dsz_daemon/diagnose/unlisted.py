@@ -16,12 +16,13 @@ from dsz_daemon.diagnose.comparison import FOLDS, Each, Ints, Rows, noises
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import SHAPE, Fit, values_of, with_shapes
+from dsz_daemon.diagnose.fit import Fit, values_of
 from dsz_daemon.diagnose.jumps import jump_in
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
 from dsz_daemon.diagnose.pulls import is_much
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.shape_names import SHAPE, with_shapes
 from dsz_daemon.signals import IMU_CHANNELS
 
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
@@ -106,11 +107,6 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
 def is_named(shape: str, channel: str) -> bool:
     """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's."""
     return shape == "delta" and channel in {"gyro_z", "accel_y"}
-
-
-def is_shape(effect: str) -> bool:
-    """Whether an effect of a search is one of these."""
-    return SHAPE in effect
 
 
 def best_shape(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> Found | None:

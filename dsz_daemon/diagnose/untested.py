@@ -12,9 +12,9 @@ from dsz_daemon.diagnose.fit import OWN_CHANNEL
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.shape_names import is_shape
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import is_shape
 from dsz_daemon.signals import IMU_CHANNELS
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)

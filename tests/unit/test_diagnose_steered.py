@@ -10,11 +10,12 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import steered as steered_module
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX, vocabulary
-from dsz_daemon.diagnose.fit import fitted, with_shapes
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, of_roll, predicted
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.shape_names import with_shapes
 from dsz_daemon.diagnose.smaller import asked_of
 from dsz_daemon.diagnose.steered import as_steering, courses_of, steered_shape
 from dsz_daemon.diagnose.unlisted import as_effect, unlisted
