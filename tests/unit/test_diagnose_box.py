@@ -1,4 +1,4 @@
-"""What is quick must be what is slow: the step in its box, unseen squares beside a course, the low-pass."""
+"""What is quick must be what is slow: the step in its box, unseen squares beside a course, slopes, the low-pass."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 import scipy.optimize
 from scipy.optimize import lsq_linear
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
+from dsz_daemon.diagnose.comparison import noises, rows_of
+from dsz_daemon.diagnose.descent import turned
 from dsz_daemon.diagnose.evidence import Box, solved
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.instruments import low_passed
+from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.recording import filter_kernel, filtered
-from dsz_daemon.diagnose.unlisted import _unseen
+from dsz_daemon.diagnose.unlisted import _has_structure, _unseen, best_shape
 
 
 def _problem(seed: int) -> tuple[np.ndarray, np.ndarray, Box]:
@@ -47,7 +52,8 @@ def test_what_a_bound_held_is_let_go() -> None:
     np.testing.assert_allclose(solved(squares, cross, box), [1.45, -0.5], rtol=1e-12)
 
 
-def test_a_parameter_without_room_stays_where_it_is() -> None:
+def test_a_parameter_without_room_stays_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scipy.optimize, "lsq_linear", lambda *_, **__: pytest.fail("such a step is found at once"))
     squares, cross = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0])
     box = Box(np.array([0.0, -9.0]), np.array([0.0, 9.0]), np.zeros(2))
     np.testing.assert_allclose(solved(squares, cross, box), [0.0, 1.0], atol=1e-12)
@@ -79,3 +85,37 @@ def test_a_block_alone_is_judged_by_none() -> None:
 def test_the_low_pass_is_that_of_the_recording(n: int) -> None:
     values, kernel = np.random.default_rng(n).normal(size=n), filter_kernel(0.15)
     np.testing.assert_allclose(low_passed(values, kernel), filtered(values, kernel), atol=1e-14)
+
+
+@pytest.mark.parametrize(("times", "has"), [(1.2, False), (1.3, True)])
+def test_a_channel_is_looked_at_where_more_is_left_than_noise_and_form(times: float, has: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    usual = float(np.hypot(noises(one)[2], fit.form[2]))
+    left = times * usual * np.ones_like(fit.left)
+    assert _has_structure(one, rows, fit._replace(left=left), 2) is has
+
+
+def test_a_channel_that_has_a_shape_is_not_looked_at() -> None:
+    def shows(one: Drive) -> None:
+        one.measured[:, 5] += 0.01 * (CITY_V - 12.0) ** 2
+
+    one = drive({}, CITY_V, CITY_STEER, change=shows)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    found = best_shape(one, rows, fit)
+    assert found is not None
+    assert found.channel == "accel_z"
+    assert best_shape(one, rows, fit._replace(effects=("accel_z: k*|r|",))) is None
+
+
+def test_slopes_of_either_sign_are_turned_to_what_a_step_did() -> None:
+    """Broyden: by the turned slopes the step makes just the change; what is not felt stays 0."""
+    rng = np.random.default_rng(2)
+    slopes = -rng.uniform(0.5, 1.0, size=(40, 2, 3))
+    slopes[:, 1, 2] = 0.0
+    step, change = np.array([0.3, -0.2, 0.1]), rng.normal(size=(40, 2))
+    found = turned(slopes, change, step, np.array([1.0, 2.0, 0.5]))
+    np.testing.assert_allclose(found @ step, change, atol=1e-12)
+    assert not found[:, 1, 2].any()

@@ -7,7 +7,9 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose import motion
+from dsz_daemon.diagnose.beside import step_beside
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.evidence import Box, sums
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import quiet
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing
@@ -57,3 +59,23 @@ def test_a_shape_that_is_never_negative_gains_as_much_as_when_it_is_fitted(k: fl
 def test_it_is_found_before_the_scale_that_comes_near_it() -> None:
     one = yaw_rate_shows(0.004)
     assert searched(one, rows_of(one), TOLERANCE).best.effects == ("gyro_z: k*|ay|",)
+
+
+def test_what_has_used_up_its_room_has_none_left_on_blocks_that_are_not_seen() -> None:
+    """A yaw gyro that is off by 2 mrad/s may go a tenth of the way, once."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    off = fit.left.copy()
+    off[:, YAW] += np.where(rows.used[:, YAW], 0.002, 0.0)
+    fit = fit._replace(left=off)
+    slopes = screened(one, rows, fit, TOLERANCE, map).known
+    own = np.ascontiguousarray(slopes.values[:, :, [slopes.columns.index(i) for i in fit.columns]])
+    room = np.where(np.array(fit.columns) == YAW, 0.0002, 0.0)
+    course = np.zeros_like(off)
+    course[:, 5] = np.where(rows.used[:, 5], np.sin(0.01 * np.arange(len(off))), 0.0)
+    larger = sums(rows, off, np.concatenate([own, course[:, :, np.newaxis]], axis=2), fit.scatter)
+    box = Box(-room, room, np.zeros(len(room)))
+    step = step_beside(one, rows, fit, own, larger, box, course, np.zeros(13, dtype=np.bool_))
+    expected = np.sum((off[rows.used[:, YAW], YAW] - 0.0002) ** 2)
+    assert step.unseen[YAW] == pytest.approx(expected, rel=1e-6)

@@ -8,6 +8,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import steered as steered_module
+from dsz_daemon.diagnose.beside import taken_beside
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import fitted
@@ -89,6 +90,46 @@ def test_a_manoeuvre_to_drive_next_knows_no_course_of_this_drive() -> None:
     x[INDEX["mass_loading.added_mass_kg"]] = 300.0
     words = next_manoeuvre(there, x, "mass_loading", ["steering_compliance"])
     assert words == next_manoeuvre(one, x[:-1], "mass_loading", ["steering_compliance"])
+
+
+def test_one_that_is_in_the_model_is_not_offered_again() -> None:
+    one = turned("vx^2", 2e-5)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    known = screened(one, rows, fit, TOLERANCE, map).known
+    found = [steered_shape(one, rows, fit._replace(effects=there), known, TOLERANCE) for there in ((), (STEERS,))]
+    assert [shape is not None and shape.effect.name == STEERS for shape in found] == [True, False]
+
+
+def test_a_course_is_measured_by_how_far_it_turns_the_wheels() -> None:
+    """It is tried with 2 mrad rms, and is no more than half a radian."""
+    values = np.array([-3.0, 4.0, 0.0, 0.0])
+    [k] = as_steering("c", values, "").parameters
+    assert (k.step * 2.5, k.low * 2.5, k.high * 2.5) == pytest.approx((0.002, -0.5, 0.5))
+
+
+def test_two_of_one_drive_turn_the_wheels_by_their_sum() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    own = (as_steering("a", CITY_V, ""), as_steering("b", CITY_V**2, ""))
+    both = one._replace(vocabulary=vocabulary(own))
+    found = predicted(both, np.append(nothing(), [1e-4, -2e-5]), flat(N))
+    other = predicted(one._replace(steer=CITY_STEER + 1e-4 * CITY_V - 2e-5 * CITY_V**2), nothing(), flat(N))
+    np.testing.assert_allclose(found, other, atol=1e-12)
+
+
+def test_what_a_course_takes_is_what_least_squares_with_it_leave_less() -> None:
+    rng = np.random.default_rng(4)
+    slopes, course = rng.normal(size=(80, 5)), rng.normal(size=80)
+    course += slopes @ rng.normal(size=5)
+    left = slopes @ rng.normal(size=5) + 0.7 * course + rng.normal(size=80)
+    both = np.column_stack([slopes, course])
+    rest = [float(np.linalg.lstsq(table, left, rcond=None)[1][0]) for table in (slopes, both)]
+    bread = np.linalg.inv(slopes.T @ slopes)
+    sums = slopes.T @ left, slopes.T @ course, float(course @ course), float(course @ left)
+    assert taken_beside(bread, *sums) == pytest.approx(rest[0] - rest[1])
+    # Of one that the model can do itself nothing is taken.
+    hidden = slopes @ np.ones(5)
+    assert taken_beside(bread, slopes.T @ left, slopes.T @ hidden, float(hidden @ hidden), float(hidden @ left)) == 0.0
 
 
 def test_where_nothing_is_left_nothing_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
