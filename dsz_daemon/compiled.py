@@ -30,7 +30,7 @@ _SOURCES = {
     "sim": ("sim/*.py",),
     "diagnose": (
         *("diagnose/motion.py", "diagnose/instruments.py", "diagnose/rolling.py", "diagnose/prediction.py"),
-        *("diagnose/evidence.py", "diagnose/angles.py"),
+        *("diagnose/evidence.py", "diagnose/angles.py", "diagnose/tyre_curve.py"),
     ),
 }
 _OF_ALL = ("signals.py", "compiled.py")

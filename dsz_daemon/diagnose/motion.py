@@ -14,6 +14,7 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.angles import atan_of, cos_of, sin_of
+from dsz_daemon.diagnose.tyre_curve import curve_of, limited
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -28,7 +29,7 @@ LOAD_S = 2.0 * BODY_DAMPING / BODY_RADPS
 # Of an axle's static load.
 LIGHTEST, HEAVIEST = 0.3, 1.7
 
-# How long a tyre stays linear, see `_limited`: between a brush and a clamp.
+# How long a tyre stays linear, see `tyre_curve`: between a brush and a clamp.
 SHARPNESS = 2.5
 
 # Columns of what `moved` returns.
@@ -67,21 +68,6 @@ class CarModel(NamedTuple):
     hasty_s: float
     load_height_m: float
     swings_m: float
-
-
-@compiled
-def _limited(force: float, load_n: float, grip: float, sharpness: float) -> float:
-    """A linear tyre's force, bent down to the limit load/sqrt(grip); `grip` is 1/friction^2, 0 without an end.
-
-    F = F_0 / (1 + x^n)^(1/n), x = F_0 over the limit: n = 2 bends early, the larger n the longer it stays linear.
-    """
-    if grip <= 0.0:
-        return force
-    x = abs(force) * math.sqrt(grip) / load_n
-    if x < 1e-9:
-        return force
-    # Far beyond the limit x^n would overflow.
-    return force / x if x > 1e6 else force / (1.0 + x**sharpness) ** (1.0 / sharpness)
 
 
 @compiled
@@ -158,7 +144,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     pitch = -car.pitch_gradient * (v_rate[0] + G * sin_of(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
     roll_rate, pitch_rate = 0.0, 0.0
     front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
-    held = steer_rad[0]
+    held, curve = steer_rad[0], curve_of(car.sharpness)
     half = 0.5 * car.backlash_rad
     roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
     pitch_spring, pitch_damper = car.pitch_radps**2, 2.0 * car.pitch_damping * car.pitch_radps
@@ -178,6 +164,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             vy = lr * r
             front, rear = 0.0, 0.0
             ay, r_rate = r * v, (r - r_before) / dt_s
+        # Of an axle's load, what its force ends at is 1 / `ends`.
+        ends = math.sqrt(grip[i])
         tilted = sin_of(bank_rad[i])
         outside = side_n[i] - car.mass_kg * G * tilted
         uphill = G * sin_of(grade_rad[i])
@@ -191,14 +179,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         heading = (ground + lf * r) * per_v
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
             slips = atan_of(heading) - delta, atan_of((ground - lr * r) * per_v)
-            front = (
-                front_loaded
-                * front_free[i]
-                * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
-            )
-            rear = (
-                rear_loaded * rear_free[i] * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
-            )
+            linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
+            front = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
+            rear = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, car.sharpness, curve)
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, tan)
             scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
@@ -235,12 +218,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         ground = vy_mid + 0.5 * car.swings_m * (swung + roll_rate)
         heading = (ground + lf * r_mid) * per_v
         slips = atan_of(heading) - delta_mid, atan_of((ground - lr * r_mid) * per_v)
-        front_goal = (
-            front_loaded * front_free[i] * _limited(-car.front_stiffness * slips[0], front_load, grip[i], car.sharpness)
-        )
-        rear_goal = (
-            rear_loaded * rear_free[i] * _limited(-car.rear_stiffness * slips[1], rear_load, grip[i], car.sharpness)
-        )
+        linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
+        front_goal = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
+        rear_goal = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, car.sharpness, curve)
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
             share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)
