@@ -18,6 +18,7 @@ from dsz_daemon.diagnose.fit import SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.search import Progress, Search, searched
+from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 
 # Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
 NUMBERS = frozenset({"steering_ratio", "track_width"}) | SAME_TURN
@@ -50,18 +51,16 @@ def with_own_numbers(
         return found, 0.0
     room = {name: max(most, tolerance.get(name, 0.0)) for name, most in ROOM.items()}
 
-    def free(effects: set[str], before: Fit, each: Each = map) -> Fit:
-        start = before.x.copy()
-        start[[i for effect in names - effects for i in found.drive.vocabulary.columns_of(effect)]] = 0.0
-        kept = tuple(effect for effect in before.effects if effect in effects)
-        return fitted(found.drive, found.rows, start, kept, room, each=each, felt=before.felt)
-
     beside = names - NUMBERS
-    with_names = free(beside, found.best, each)
+    with_names = without(found.drive, found.rows, found.best, room, names & NUMBERS, each)
     gain = gained(found.drive, found.best, with_names)
+    known = slopes_at(found.drive, found.rows, with_names, each)
+
+    def worth(rest: Fit) -> float:
+        return gained(found.drive, rest, with_names)
 
     def is_idle(name: str) -> bool:
-        return gained(found.drive, free(beside - {name}, with_names), with_names) < 0.0
+        return worth(surely_without(found.drive, found.rows, with_names, room, name, known, worth)) < 0.0
 
     enough = max(LEAST_GAIN, _SHARE * sum(found.gains.values()))
     if gain < enough and not any(each(is_idle, sorted(beside - {_PLACE}))):

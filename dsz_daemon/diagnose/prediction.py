@@ -257,7 +257,7 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
     if at("large_angles") != 0.0:
         # An angle for its sine, or for its tangent.
-        steer = steer + at("large_angles") * steer**3
+        steer = steer + at("large_angles") * (steer * steer * steer)
     steer = steer + _own_turn(drive, x)
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)

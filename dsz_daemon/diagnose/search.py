@@ -47,6 +47,7 @@ from dsz_daemon.diagnose.trials import (
     two_instead,
 )
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
+from dsz_daemon.diagnose.without import slopes_at
 
 Progress = Callable[[str], None]
 
@@ -93,12 +94,12 @@ def searched(
     gains: dict[str, float] = {}
     elsewhere: dict[str, dict[str, float]] = {}
     shapes: list[Found] = []
-    refused, waits = set[str](), frozenset[str]()
+    refused, waits, known = set[str](), frozenset[str](), None
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS:
             break
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        screening = screened(drive, rows, best, tolerance, each)
+        screening = screened(drive, rows, best, tolerance, each, known)
         trial = Trial(drive, rows, best, tolerance, screening.known)
         starts = [start for start in starts_of(drive, rows, best, screening.names, each) if not set(start[0]) & refused]
         beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
@@ -130,7 +131,8 @@ def searched(
         before, gained_before, now = best, dict(gains), tried[0].fit
         if not now.road.bank_rad.any() and not now.road.grade_rad.any():
             now = fitted(drive, rows, now.x, now.effects, tolerance, _WELL, each)
-        grown = Grown(drive, rows, tolerance, before, now, each)
+        known = slopes_at(drive, rows, now, each)
+        grown = Grown(drive, rows, tolerance, before, now, known, each)
         if (settled := grown.settled()) is not None:
             best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
             continue
@@ -142,6 +144,7 @@ def searched(
         gains[tried[0].effect] = tried[0].gain
         best = grown.without_idle(gains)
         best, wrong = plausible(drive, rows, before, best, tolerance, each)
+        known = known if best is now else None
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}

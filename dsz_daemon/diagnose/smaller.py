@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from functools import cached_property
+from collections.abc import Mapping
+from functools import cached_property, partial
 
-from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
-from dsz_daemon.diagnose.prediction import Drive, predicted
+from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_beside import another_course
 from dsz_daemon.diagnose.shape_names import STEERING, is_shape, with_shapes
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
+from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
@@ -62,25 +63,24 @@ def _share_of(drive: Drive, effect: str, other: str) -> float:
     return _SHARE_OF_SHAPE if is_alike else 0.0
 
 
-def without(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], effects: Collection[str], each: Each
-) -> Fit:
-    """The model fitted again without these effects."""
-    start = best.x.copy()
-    for effect in effects:
-        start[list(drive.vocabulary.columns_of(effect))] = 0.0
-    rest = tuple(name for name in best.effects if name not in effects)
-    return fitted(drive, rows, start, rest, tolerance, each=each, felt=best.felt)
-
-
 class Grown:
-    """A model with one effect more than it had `before`, and what it is with one less, fitted side by side."""
+    """A model with one effect more than it had `before`, and what it is with one less, fitted side by side.
+
+    `known`: its slopes.
+    """
 
     def __init__(
-        self, drive: Drive, rows: Rows, tolerance: Mapping[str, float], before: Fit, now: Fit, each: Each = map
+        self,
+        drive: Drive,
+        rows: Rows,
+        tolerance: Mapping[str, float],
+        before: Fit,
+        now: Fit,
+        known: Slopes,
+        each: Each = map,
     ) -> None:
         self._drive, self._rows, self._tolerance, self._each = drive, rows, tolerance, each
-        self._before, self._now = before, now
+        self._before, self._now, self._known = before, now, known
         self._is_on_a_road = bool(OWN_CHANNEL.keys() & set(before.effects))
 
     def settled(self) -> Fit | None:
@@ -98,8 +98,8 @@ class Grown:
         """Each earlier effect is tried without: what another explains better has to go. Writes what the others gain."""
         best = self._now
         for effect in self._now.effects[:-1]:
-            rest = self._smaller[effect] if best is self._now else self._without(best, effect, self._each)
-            gains[effect] = gained(self._drive, rest._replace(form=self._rows.form), best)
+            rest = self._smaller[effect] if best is self._now else self._without(best, effect)
+            gains[effect] = self._worth(rest, best)
             if gains[effect] < LEAST_GAIN:
                 best = rest
         return best
@@ -109,11 +109,18 @@ class Grown:
         effects = self._now.effects if self._is_on_a_road else self._now.effects[:-1]
         # What takes longest comes first.
         effects = tuple(sorted(effects, key=lambda effect: effect not in OWN_CHANNEL))
-        fits = all_hands(lambda effect, each: self._without(self._now, effect, each), effects, self._each)
+        fits = all_hands(self._surely_without, effects, self._each)
         return dict(zip(effects, fits, strict=True))
 
-    def _without(self, fit: Fit, effect: str, each: Each) -> Fit:
-        return without(self._drive, self._rows, fit, self._tolerance, (effect,), each)
+    def _worth(self, rest: Fit, fit: Fit) -> float:
+        return gained(self._drive, rest._replace(form=self._rows.form), fit)
+
+    def _surely_without(self, effect: str, each: Each) -> Fit:
+        now, worth = self._now, partial(self._worth, fit=self._now)
+        return surely_without(self._drive, self._rows, now, self._tolerance, effect, self._known, worth, each)
+
+    def _without(self, fit: Fit, effect: str) -> Fit:
+        return without(self._drive, self._rows, fit, self._tolerance, (effect,), self._each)
 
 
 def plausible(
@@ -209,9 +216,7 @@ def without_courses(
         if not channels:
             continue
         rest = without(drive, rows, best, tolerance, (effect,), each)
-        base = predicted(drive, rest.x, rest.road)
-        slopes = sensitivities(drive, rows, rest.x, rest.road, base, rest.columns, rest.felt, each)
-        known = Slopes(rest.x, rest.effects, rest.columns, slopes)
+        known = slopes_at(drive, rows, rest, each)
         if another_course(drive, rows, rest, known, tolerance, channels) > gained(drive, rest, best):
             best = rest
     return best

@@ -46,8 +46,8 @@ _RIVALS = 0.5
 SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
-# Moments are moved and all is fitted again, until they stay where they are.
-_MOST_MOVES, _SETTLED_S = 4, 0.2
+# Moments are moved and all is fitted again, until they stay where they are, or that gains no more than so much.
+_MOST_MOVES, _SETTLED_S, _MOVES_ON = 4, 0.2, 1.0
 _RARE = {*GUESSED, "tyre_saturation"}
 
 
@@ -78,8 +78,9 @@ class Trial:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             for _ in range(_MOST_MOVES):
                 moved = with_best_moments(self.drive, self.rows, fit)
-                before, fit = fit.x, self._fitted(moved, effects)
-                if all(abs(fit.x[i] - before[i]) < _SETTLED_S for i in moments_of(self.drive)):
+                before, fit = fit, self._fitted(moved, effects)
+                stays = all(abs(fit.x[i] - before.x[i]) < _SETTLED_S for i in moments_of(self.drive))
+                if stays or gained(self.drive, before, fit) < _MOVES_ON:
                     break
         if effect in ONE_BY_ONE and (wheels := wheel_squares(self.drive, fit)):
             # What all wheels do alike would be another speed, and that accelerometers show too little of it.

@@ -46,7 +46,8 @@ def limited(force: float, per_limit: float, sharpness: float, curve: Floats) -> 
     x = abs(force) * per_limit
     if x < _STRAIGHT:
         return force
-    if x >= _LAST:
+    # What is no number is none afterwards, and no place in a table.
+    if not x < _LAST:
         return force * bent(x, sharpness)
     place = x * _PER_LIMIT
     i = int(place)

@@ -40,3 +40,8 @@ def test_without_an_end_a_tyre_is_linear() -> None:
 
 def test_far_beyond_nothing_overflows() -> None:
     assert math.isclose(bent(1e200, 11.5), 1e-200)
+
+
+def test_what_is_no_number_stays_none() -> None:
+    assert math.isnan(limited(math.nan, 1.0 / 4000.0, 2.5, curve_of(2.5)))
+    assert limited(math.inf, 1.0 / 4000.0, 2.5, curve_of(2.5)) != 0.0
