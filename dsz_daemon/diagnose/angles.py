@@ -32,6 +32,13 @@ def cos_of(angle_rad: float) -> float:
 
 
 @compiled
+def drawn(angle_rad: float, small: float) -> tuple[float, float]:
+    """Cosine and sine, or, as far as `small`, what they are of small angles: 1, and the angle."""
+    cos, sin = cos_of(angle_rad), sin_of(angle_rad)
+    return cos + small * (1.0 - cos), sin + small * (angle_rad - sin)
+
+
+@compiled
 def atan_of(ratio: float) -> float:
     """The arctangent: x - x^3/3 + x^5/5 - ... + x^13/13, summed in pairs, so that no term waits for all others."""
     if abs(ratio) > SMALL_RAD:

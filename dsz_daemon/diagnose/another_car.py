@@ -15,8 +15,8 @@ from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import SAME_TURN, Fit, fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.gains import far_off, gained
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive
 from dsz_daemon.diagnose.search import Progress, Search, searched
 from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 
@@ -34,6 +34,7 @@ ROOM = {
     "front_track_m": 0.3,
     "rear_track_m": 0.3,
 }
+_OF_WHEELS = tuple(CHANNELS.index(f"wheel_{which}") for which in ("other_left", "other_right", "difference"))
 # Numbers that take no name's place have to gain so much of what names did.
 _SHARE = 0.05
 
@@ -68,6 +69,9 @@ def with_own_numbers(
     if say is not None:
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
+    # Wheels roll as any car's do: where they don't, something else is wrong than numbers.
+    if far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
+        return found, 0.0
     # Of a ratio and of axles that come to the same on a drive none is told: then names say more.
     errors = parameter_errors(anew, each)
     if not any(abs(e.fitted / e.configured - 1.0) > tolerance.get(e.parameter, 0.0) for e in errors):

@@ -31,7 +31,7 @@ from dsz_daemon.diagnose.shape_names import is_shape
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import pull_shapes, unlisted, wheel_shapes
+from dsz_daemon.diagnose.unlisted import pull_shapes, shapes_of_all, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -80,17 +80,18 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     left = doubt(found, unexplained)
     # A grade that no gyro feels is judged by one channel: what else is off is no matter.
     alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
-    told = (_cause(found, effect, alone if effect == "road_grade" else left, each) for effect in named)
-    causes = [cause for cause in told if cause is not None]
+    said = (_cause(found, effect, alone if effect == "road_grade" else left, each) for effect in named)
+    causes = [cause for cause in said if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
     shapes = unlisted(found.drive, found.rows, found.best, found.shapes)
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
-    said = causes or errors or shapes or unexplained
+    shapes += shapes_of_all(found.drive, found.best, {e for e, gain in found.gains.items() if gain > TOLD_GAIN * left})
+    anything = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(
         verdict(bool(causes), bool(shapes or unexplained)),
-        located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if said else [],
+        located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if anything else [],
         causes,
         errors,
         shapes,

@@ -274,6 +274,20 @@ NAMELESS = (
         WHEELS,
         _even("fl fr rl rr", "s/m", 3e-4, 0.02, 2e-5),
     ),
+    Effect(
+        "wheel_growth",
+        "All tyres' radii grow by {per_v2:.1e} of the square of the speed",
+        "reading = v / (1 + k v^2)",
+        CAR,
+        _even("per_v2", "s2/m2", 3e-6, 2e-4, 1e-6),
+    ),
+    Effect(
+        "imu_clock",
+        "The IMU's clock is off: its readings come later by {per_s:.1e} of the time",
+        "reading(t) = y(t - d - k t)",
+        SENSORS,
+        (Parameter("per_s", "s/s", 1e-4, -5e-3, 5e-3, 2e-5), Parameter("late_s", "s", 0.02, -0.5, 0.5, math.inf)),
+    ),
 )
 
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
@@ -308,15 +322,17 @@ TOLERATED = (
     *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
-# Drawn with or without: a pull along steered wheels, small turns, wheels alike, load on tyres, sines, held inputs.
+# Drawn with or without: a pull along steered wheels, small turns, wheels alike, load on tyres, sines, held inputs, and
+# wheels that roll as if they were turned by next to nothing.
 FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
     *_even("hasty_s", "s", 0.002, 0.005, math.inf),
-    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 5e-3, math.inf),
+    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 2e-2, math.inf),
     Parameter("steers_by_force", "1", 0.5, 0.0, 1.2, math.inf),
+    Parameter("small_wheels", "1", 0.5, -0.2, 1.2, math.inf),
 )
 
 

@@ -71,8 +71,8 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
-# Of smaller road wheel angles a sine is the angle, to a thousandth or two.
-_LARGE_ANGLES, _LARGE_RAD = INDEX["large_angles"], 0.1
+# Of smaller road wheel angles a sine is the angle, or a cosine 1, to a thousandth or two.
+_FROM_RAD = {INDEX["large_angles"]: 0.1, INDEX["small_wheels"]: 0.08}
 _SMALL_TURNS = INDEX["small_turns"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -197,7 +197,7 @@ def fitted(
     """
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
-    hidden |= {_LARGE_ANGLES} if float(np.max(np.abs(drive.steer))) < _LARGE_RAD else set()
+    hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     first = [i for i in nuisances(tolerance) if i not in hidden]

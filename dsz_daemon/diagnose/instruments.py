@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.angles import cos_of, sin_of
+from dsz_daemon.diagnose.angles import cos_of, drawn, sin_of
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -107,12 +107,15 @@ def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
 
 
 @compiled
-def delayed(values: Floats, by_s: float, dt_s: float) -> Floats:
-    """Each column of the values (n, c) as it comes `by_s` late (early, if negative); level beyond the ends."""
+def delayed(values: Floats, by_s: float, dt_s: float, later: float = 0.0) -> Floats:
+    """Each column of the values (n, c) as it comes `by_s` late (early, if negative); level beyond the ends.
+
+    `later`: by how much it comes later and later, of the time since the middle.
+    """
     n, c = values.shape
     found = np.empty((n, c))
     for i in range(n):
-        place = min(max(i - by_s / dt_s, 0.0), n - 1.0)
+        place = min(max(i - by_s / dt_s - later * (i - 0.5 * n), 0.0), n - 1.0)
         k = min(int(place), max(n - 2, 0))
         after, share = min(k + 1, n - 1), place - k
         for j in range(c):
@@ -153,8 +156,11 @@ def rolled(
     rear_track_m: float,
     radii: Floats,
     load_height_m: float,
+    small: float = 0.0,
 ) -> Floats:
     """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured.
+
+    `small`: how far the front wheels' are drawn for small angles.
 
     The inner wheel of an axle carries less, and slips more by the same force: m a h / t of m g / 2 each.
     """
@@ -163,7 +169,8 @@ def rolled(
     for i in range(len(v_mps)):
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
-        cos, across = cos_of(delta), (row[0] + cg_to_front_axle_m * r) * sin_of(delta)
+        cos, sin = drawn(delta, small)
+        across = (row[0] + cg_to_front_axle_m * r) * sin
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
         moved_front, moved_rear = per_mps2 * row[3] / front_track_m, per_mps2 * row[3] / rear_track_m
         shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i] * (1.0 + moved_front)) / radii[0]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.angles import atan_of, cos_of, sin_of
+from dsz_daemon.diagnose.angles import atan_of, cos_of, drawn, sin_of
 from dsz_daemon.diagnose.tyre_curve import curve_of, limited
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
@@ -39,7 +39,8 @@ VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED, LE
 class CarModel(NamedTuple):
     """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle.
 
-    `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand.
+    `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand. `small_wheels`: how far
+    what the front wheels roll is drawn for small angles.
     """
 
     mass_kg: float
@@ -68,6 +69,7 @@ class CarModel(NamedTuple):
     hasty_s: float
     load_height_m: float
     swings_m: float
+    small_wheels: float = 0.0
 
 
 @compiled
@@ -154,10 +156,10 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
         delta = held - car.compliance_rad_per_n * front
         cos, sin = cos_of(delta), sin_of(delta)
-        per_cos = 1.0 / cos
-        tan = sin * per_cos
+        tan = sin / cos
         if by_front:
-            v = front_mps[i] * per_cos - (vy + lf * r) * tan
+            along, across = drawn(delta, car.small_wheels)
+            v = (front_mps[i] - (vy + lf * r) * across) / along
         if v < ROLLING_MPS:
             r_before = r
             r = v * delta / (lf + lr)

@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
+from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -47,8 +48,8 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
-    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
+    | {"wheel_growth", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
+    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force", "small_wheels"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -58,6 +59,7 @@ _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspensi
 _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
 _RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
 _FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.delay_s"]
+_CLOCK, _LATER = INDEX["imu_clock.late_s"], INDEX["imu_clock.per_s"]
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
@@ -189,8 +191,9 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         *tracks_m,
         radii,
         at("wheel_slip.side_load_m"),
+        at("small_wheels"),
     )
-    compared = _compared(drive, wheels_mps, _squares(x), at("wheel_speed_delay.delay_s"))
+    compared = _compared(drive, as_they_read(wheels_mps, x), at("wheel_speed_delay.delay_s"))
     return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
 
 
@@ -235,11 +238,8 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         at("hasty_s"),
         at("load_height_m"),
         at("suspension_roll.swings_m"),
+        at("small_wheels"),
     )
-
-
-def _squares(x: Floats) -> Floats:
-    return np.array([x[INDEX[f"wheel_square.{wheel}"]] for wheel in _WHEELS])
 
 
 def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
@@ -261,13 +261,13 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     steer = steer + _own_turn(drive, x)
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
-    squares = _squares(x)
-    wheels = drive.wheels - squares * drive.wheels**2 if squares.any() else drive.wheels
+    wheels = as_they_roll(drive.wheels, x)
     rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
     slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
     aside = at("drive_steer"), at("brake_steer"), at("steers_by_force")
-    return rolling(drive.car, steer, rolled_mps, drive.front_gives_speed, slip, ellipse, road.grade_rad, aside)
+    by_front, small = drive.front_gives_speed, at("small_wheels")
+    return rolling(drive.car, steer, rolled_mps, by_front, slip, ellipse, road.grade_rad, aside, small)
 
 
 def _own_turn(drive: Drive, x: Floats) -> Floats | float:
@@ -285,10 +285,8 @@ def of_roll(x: Floats) -> Floats:
     return np.concatenate([x[_OF_ROLL], x[len(BUILT_IN.columns) :]])
 
 
-def _compared(drive: Drive, wheels_mps: Floats, squares: Floats, late_s: float) -> Floats:
+def _compared(drive: Drive, wheels_mps: Floats, late_s: float) -> Floats:
     """Of what the wheels (n, 4) roll, what is shown of those that don't give the speed, and the others' difference."""
-    if squares.any():
-        wheels_mps = wheels_mps + squares * wheels_mps**2
     if late_s != 0.0:
         wheels_mps = delayed(wheels_mps, late_s, DT_S)
     left, right, own_left, own_right = (2, 3, 0, 1) if drive.front_gives_speed else (0, 1, 2, 3)
@@ -379,10 +377,11 @@ def gyros_of(x: Floats) -> tuple[Floats, Floats]:
 
 
 def smoothed(reads: Floats, x: Floats) -> Floats:
-    """Readings (n, c) of sensors that follow slowly, and are late."""
+    """Readings (n, c) of sensors that follow slowly, and are late: from the middle of the time on by more, or less."""
     if x[_FOLLOWS] > 0.0:
         reads = followed(reads, float(x[_FOLLOWS]), DT_S)
-    return delayed(reads, float(x[_LATE]), DT_S) if x[_LATE] > 0.0 else reads
+    late_s, later = float(x[_LATE] + x[_CLOCK]), float(x[_LATER])
+    return delayed(reads, late_s, DT_S, later) if late_s != 0.0 or later != 0.0 else reads
 
 
 def in_time(told: Floats, x: Floats) -> Floats:

@@ -47,7 +47,6 @@ from dsz_daemon.diagnose.trials import (
     two_instead,
 )
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
-from dsz_daemon.diagnose.without import slopes_at
 
 Progress = Callable[[str], None]
 
@@ -131,8 +130,7 @@ def searched(
         before, gained_before, now = best, dict(gains), tried[0].fit
         if not now.road.bank_rad.any() and not now.road.grade_rad.any():
             now = fitted(drive, rows, now.x, now.effects, tolerance, _WELL, each)
-        known = slopes_at(drive, rows, now, each)
-        grown = Grown(drive, rows, tolerance, before, now, known, each)
+        grown = Grown(drive, rows, tolerance, before, now, each)
         if (settled := grown.settled()) is not None:
             best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
             continue
@@ -144,7 +142,7 @@ def searched(
         gains[tried[0].effect] = tried[0].gain
         best = grown.without_idle(gains)
         best, wrong = plausible(drive, rows, before, best, tolerance, each)
-        known = known if best is now else None
+        known = grown.known if best is now else None
         # Of the same model two may drive each other out for ever.
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}

@@ -21,12 +21,20 @@ from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 # What comes after the first may be what the simulation's form gets wrong about it: it has to gain so much of the rest.
 _SHARE_OF_ALL = 0.015
 # And beside a limit of grip so much of what that gains, if it may be that: every tyre has a curve of its own.
-_SHARE_OF_GRIP = 0.05
+_SHARE_OF_GRIP = 0.08
 # A second limit of grip beside the first is that curve once more, unless it does much.
 _SHARE_OF_LIMIT = 0.2
 # And beside a shape in a gyro, or accelerometer, so much of what that gains, if it is what all of these show: it is the
 # simplest of a library, of inputs with their noise, and leaves some of what is there.
 _SHARE_OF_SHAPE = 0.1
+# And what wheels' sizes are beside tyres that grow, each as it likes, and beside slip, whose force is no one's to tell.
+_OF_SIZES = {
+    ("wheel_growth", "track_width"): 0.1,
+    ("wheel_growth", "wheel_radius"): 0.1,
+    ("wheel_slip", "wheel_radius"): 0.05,
+}
+# The hand wheel's sine, of which a ratio is one half: an eccentric sensor has both.
+_OF_THE_HAND, _SHARE_OF_HAND = "hand", 1.0
 # The same for one that steers and what a car does, or what looks like a car that turns otherwise: its rear wheels may
 # steer, or what steers it has another phase. Neither is a car in a simulation to the letter what it is on a road.
 _SHARE_OF_STEERING, _PLACE_AND_TIME = 0.25, {"imu_lever_arm", "imu_delay", "sensor_bandwidth"}
@@ -52,10 +60,14 @@ def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
 
 def _share_of(drive: Drive, effect: str, other: str) -> float:
     """What an effect has to gain of what another does, if one of them is a shape and the other has a name."""
+    if (other, effect) in _OF_SIZES:
+        return _OF_SIZES[other, effect]
     if is_shape(effect) == is_shape(other):
         return 0.0
     shape, name = (effect, other) if is_shape(effect) else (other, effect)
     if shape.startswith(STEERING):
+        if name == "steering_ratio" and _OF_THE_HAND in shape:
+            return _SHARE_OF_HAND
         is_alike = drive.vocabulary.described(name).touches == CAR or name in _PLACE_AND_TIME
         return _SHARE_OF_STEERING if is_alike else 0.0
     instrument = name.partition("_")[0]
@@ -64,23 +76,13 @@ def _share_of(drive: Drive, effect: str, other: str) -> float:
 
 
 class Grown:
-    """A model with one effect more than it had `before`, and what it is with one less, fitted side by side.
-
-    `known`: its slopes.
-    """
+    """A model with one effect more than it had `before`, and what it is with one less, fitted side by side."""
 
     def __init__(
-        self,
-        drive: Drive,
-        rows: Rows,
-        tolerance: Mapping[str, float],
-        before: Fit,
-        now: Fit,
-        known: Slopes,
-        each: Each = map,
+        self, drive: Drive, rows: Rows, tolerance: Mapping[str, float], before: Fit, now: Fit, each: Each = map
     ) -> None:
         self._drive, self._rows, self._tolerance, self._each = drive, rows, tolerance, each
-        self._before, self._now, self._known = before, now, known
+        self._before, self._now = before, now
         self._is_on_a_road = bool(OWN_CHANNEL.keys() & set(before.effects))
 
     def settled(self) -> Fit | None:
@@ -105,19 +107,30 @@ class Grown:
         return best
 
     @cached_property
+    def known(self) -> Slopes:
+        """The slopes of the model as it is now."""
+        return slopes_at(self._drive, self._rows, self._now, self._each)
+
+    @cached_property
     def _smaller(self) -> dict[str, Fit]:
         effects = self._now.effects if self._is_on_a_road else self._now.effects[:-1]
         # What takes longest comes first.
         effects = tuple(sorted(effects, key=lambda effect: effect not in OWN_CHANNEL))
-        fits = all_hands(self._surely_without, effects, self._each)
+        # By these, which are taken side by side, too.
+        known = self.known if effects else None
+        fits = all_hands(partial(self._surely_without, known), effects, self._each)
         return dict(zip(effects, fits, strict=True))
 
     def _worth(self, rest: Fit, fit: Fit) -> float:
         return gained(self._drive, rest._replace(form=self._rows.form), fit)
 
-    def _surely_without(self, effect: str, each: Each) -> Fit:
-        now, worth = self._now, partial(self._worth, fit=self._now)
-        return surely_without(self._drive, self._rows, now, self._tolerance, effect, self._known, worth, each)
+    def _surely_without(self, known: Slopes | None, effect: str, each: Each) -> Fit:
+        now = self._now
+
+        def worth(rest: Fit) -> float:
+            return min(self._worth(rest, now), gained(self._drive, rest, now))
+
+        return surely_without(self._drive, self._rows, now, self._tolerance, effect, known, worth, each)
 
     def _without(self, fit: Fit, effect: str) -> Fit:
         return without(self._drive, self._rows, fit, self._tolerance, (effect,), self._each)

@@ -211,6 +211,21 @@ def wheel_shapes(drive: Drive, fit: Fit) -> list[Shape]:
     ]
 
 
+def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
+    """What all wheels show alike, or all of the IMU, where it gains enough to be `told`."""
+    found = list[Shape]()
+    if "wheel_growth" in told:
+        value, std = values_of(drive, fit, "wheel_growth")["per_v2"]
+        named = [f"wheel_speed_{wheel}" for wheel in ("fl", "fr", "rl", "rr")]
+        found += [Shape(channel, "k*vx^3", Coefficient(-value, std, "(m/s)/(m3/s3)"), 1.0) for channel in named]
+    if "imu_clock" in told:
+        value, std = values_of(drive, fit, "imu_clock")["per_s"]
+        there = [c for c in range(len(IMU_CHANNELS)) if np.isfinite(drive.measured[:, c]).any()]
+        late = Coefficient(value, std, "s/s of lateness")
+        found += [Shape(IMU_CHANNELS[c], "later by k*t", late, 1.0) for c in there]
+    return found
+
+
 def pull_shapes(drive: Drive, fit: Fit) -> list[Shape]:
     """How a car that is driven, or braked, goes to one side, where it does so by more than others do."""
     told = values_of(drive, fit, "")

@@ -46,7 +46,7 @@ def surely_without(
     best: Fit,
     tolerance: Mapping[str, float],
     effect: str,
-    known: Slopes,
+    known: Slopes | None,
     worth: Callable[[Fit], float],
     each: Each = map,
 ) -> Fit:

@@ -1,0 +1,141 @@
+"""Front wheels that are drawn for small angles, tyres that grow, an IMU's clock: none of them gets another's name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.core.parameters import Car
+from dsz_daemon.diagnose import another_car
+from dsz_daemon.diagnose.angles import drawn
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.instruments import delayed, rolled
+from dsz_daemon.diagnose.motion import DELTA, VY, R
+from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.rolling import _of_the_front
+from dsz_daemon.diagnose.smaller import asked_of
+from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
+
+SHARP_STEER = 0.25 * np.sin(0.5 * T)
+SLOW_V = 6.0 + 2.0 * np.sin(0.3 * T)
+
+
+def with_(**values: float) -> np.ndarray:
+    x = nothing()
+    for name, value in values.items():
+        x[INDEX[name.replace("__", ".")]] = value
+    return x
+
+
+@pytest.mark.parametrize(("small", "cos", "sin"), [(0.0, math.cos(0.3), math.sin(0.3)), (1.0, 1.0, 0.3)])
+def test_a_wheel_is_drawn_as_it_is_or_for_small_angles(small: float, cos: float, sin: float) -> None:
+    assert drawn(0.3, small) == pytest.approx((cos, sin))
+    moved = np.zeros((1, 12))
+    moved[0, [VY, R, DELTA]] = 0.4, 0.5, 0.3
+    ones, still = np.ones(4), np.zeros(1)
+    wheels = rolled(moved, np.array([8.0]), still, still, 1.2, 1.5, 1.6, ones, 0.0, small)[0]
+    across = (0.4 + 1.2 * 0.5) * sin
+    assert wheels[:2] == pytest.approx([(8.0 - 0.375) * cos + across, (8.0 + 0.375) * cos + across])
+    # The rear ones are not turned.
+    assert wheels[2:] == pytest.approx([8.0 - 0.4, 8.0 + 0.4])
+
+
+def test_what_front_wheels_tell_of_the_speed_is_drawn_likewise() -> None:
+    """Without sideslip at the axle (tyres as stiff as can be) they go along delta: cos delta, or 1 + delta^2 over."""
+    stiff = Car(1500.0, 2500.0, 1.2, 1.4, 1.5, 1.5, 1e9, 1e9, True, False, 0.0, 0.0)
+    steer, rolls = np.array([0.3]), np.array([5.0])
+    assert _of_the_front(stiff, steer, rolls, 0.0)[0] == pytest.approx(math.cos(0.3), rel=1e-6)
+    assert _of_the_front(stiff, steer, rolls, 1.0)[0] == pytest.approx(1.0 / (1.0 + 0.3 * math.tan(0.3)), rel=1e-6)
+
+
+def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
+    one = drive({"small_wheels": 1.0}, SLOW_V, SHARP_STEER)
+    told = answered(found(one))
+    assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
+    assert max(told.level.values()) < 1.5
+    # And it is that: with the wheels as they are these are far off.
+    plain = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    assert plain.x[INDEX["small_wheels"]] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("most_rad", "is_fitted"), [(0.075, False), (0.085, True)])
+def test_how_wheels_are_drawn_is_asked_where_they_are_turned(most_rad: float, is_fitted: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER * most_rad / np.max(np.abs(CITY_STEER)))
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    assert (INDEX["small_wheels"] in fit.columns) is is_fitted
+
+
+@pytest.mark.parametrize("per_v2", [7e-5, 3e-6, -2e-5])
+def test_tyres_that_grow_read_less_the_faster_they_turn(per_v2: float) -> None:
+    rolls = np.array([[5.0, 10.0, 20.0, 35.0]])
+    x = with_(wheel_growth__per_v2=per_v2)
+    reads = as_they_read(rolls, x)
+    np.testing.assert_allclose(reads, rolls / (1.0 + per_v2 * rolls**2), rtol=1e-12)
+    np.testing.assert_allclose(as_they_roll(reads, x), rolls, rtol=1e-9)
+
+
+def test_a_wheels_square_is_its_own() -> None:
+    rolls, x = np.full((1, 4), 10.0), with_(wheel_square__rl=1e-3)
+    assert as_they_read(rolls, x).tolist() == [[10.0, 10.0, 10.1, 10.0]]
+    assert as_they_roll(rolls, x).tolist() == [[10.0, 10.0, 9.9, 10.0]]
+
+
+def test_a_clock_that_is_off_comes_later_and_later_about_the_middle() -> None:
+    values = np.arange(1001.0)[:, np.newaxis]
+    late = delayed(values, 0.05, 0.01, 0.002)[:, 0]
+    # Five rows late in the middle, and a 500th of the rows since.
+    assert late[[250, 500, 750]] == pytest.approx([250 - 5.0 + 0.5, 500 - 5.0, 750 - 5.0 - 0.5], abs=0.01)
+
+
+def test_tyres_that_grow_have_no_name_and_no_scale_is_told_for_them() -> None:
+    fast = 25.0 + 8.0 * np.sin(0.15 * T)
+    told = answered(found(drive({"wheel_growth.per_v2": 1e-5}, fast, 0.25 * CITY_STEER)))
+    assert told.causes == []
+    shapes = {shape.channel: shape for shape in told.unlisted}
+    assert set(shapes) == {f"wheel_speed_{wheel}" for wheel in ("fl", "fr", "rl", "rr")}
+    assert {shape.shape for shape in shapes.values()} == {"k*vx^3"}
+    coefficient = shapes["wheel_speed_fl"].coefficient
+    assert coefficient.value == pytest.approx(-1e-5, abs=4.0 * coefficient.std)
+    assert coefficient.std < 1e-6
+
+
+def test_a_clock_that_is_off_is_no_delay() -> None:
+    told = answered(found(drive({"imu_clock.per_s": 1e-3, "imu_clock.late_s": 0.03}, CITY_V, CITY_STEER)))
+    assert told.causes == []
+    shapes = [shape for shape in told.unlisted if shape.shape == "later by k*t"]
+    assert [shape.channel for shape in shapes] == ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    assert shapes[0].coefficient.value == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_delay_is_no_clock() -> None:
+    told = answered(found(drive({"imu_delay.delay_s": 0.05}, CITY_V, CITY_STEER)))
+    assert [cause.effect for cause in told.causes] == ["imu_delay"]
+    assert told.unlisted == []
+
+
+def test_what_is_asked_beside_tyres_that_grow_and_an_eccentric_sensor() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    assert asked_of(one, "track_width", {"wheel_growth": 1000.0}) == pytest.approx(100.0)
+    assert asked_of(one, "gyro_scale", {"wheel_growth": 1000.0}) == pytest.approx(15.0)
+    assert asked_of(one, "wheel_radius", {"wheel_slip": 1000.0}) == pytest.approx(50.0)
+    hand = "steering: k*(1-cos(hand))"
+    assert asked_of(one, "steering_ratio", {hand: 400.0}) == pytest.approx(400.0)
+    assert asked_of(one, "steering_ratio", {"steering: k*vx^2": 400.0}) == pytest.approx(100.0)
+
+
+def test_wheels_that_roll_as_no_car_does_are_no_other_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rear wheels turn alike: a locked axle, whatever a car's numbers may be."""
+    numbers = {"steering_ratio": 0.3, "cg_to_rear_axle_m": 0.2, "front_track_m": 0.05, "yaw_inertia_kgm2": 0.3}
+
+    def locked(made: object) -> None:
+        made.measured[:, 8] = 0.2 * np.sin(5.0 * T[:N])  # type: ignore[attr-defined]
+
+    one = drive(numbers, CITY_V, CITY_STEER, change=locked)
+    names = found(one)
+    assert another_car.with_own_numbers(one, names, TOLERANCE) == (names, 0.0)
