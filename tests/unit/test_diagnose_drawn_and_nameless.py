@@ -6,18 +6,22 @@ import math
 
 import numpy as np
 import pytest
-from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+from core_cases import TUCSON
+from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive, found
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import another_car
+from dsz_daemon.diagnose import fit as fitting
 from dsz_daemon.diagnose.angles import drawn
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.instruments import delayed, rolled
 from dsz_daemon.diagnose.motion import DELTA, VY, R
 from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.rolling import _of_the_front
 from dsz_daemon.diagnose.smaller import asked_of
 from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
@@ -62,6 +66,52 @@ def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
     # And it is that: with the wheels as they are these are far off.
     plain = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
     assert plain.x[INDEX["small_wheels"]] == pytest.approx(1.0, abs=0.05)
+
+
+def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray) -> Recording:
+    """The linear single track as textbooks have it, in steps of 1 ms, with front wheels for small angles, and noise."""
+    steps, rng = 10, np.random.default_rng(7)
+    lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
+    front, rear = 2.0 * car.front_cornering_stiffness_n_per_rad, 2.0 * car.rear_cornering_stiffness_n_per_rad
+    fine = np.arange(N * steps) / steps
+    speeds, angles = (np.interp(fine, np.arange(N), values) for values in (v, steer))
+    vy, r, rows = 0.0, 0.0, np.empty((N * steps, 3))
+    for i, (u, delta) in enumerate(zip(speeds.tolist(), angles.tolist(), strict=True)):
+        side = -front * ((vy + lf * r) / u - delta), -rear * (vy - lr * r) / u
+        across = (side[0] + side[1]) / car.mass_kg
+        rows[i] = vy, r, across
+        vy += 0.001 * (across - r * u)
+        r += 0.001 * (lf * side[0] - lr * side[1]) / car.yaw_inertia_kgm2
+    vy_mps, r_radps, ay = rows[::steps].T
+    still = np.zeros(N)
+    imu = np.stack([still, still, r_radps, np.gradient(v, DT_S) - r_radps * vy_mps, ay, still + 9.80665], axis=1)
+    half = 0.5 * r_radps * car.front_track_m, 0.5 * r_radps * car.rear_track_m
+    turned = v + (vy_mps + lf * r_radps) * steer
+    wheels = np.stack([turned - half[0], turned + half[0], v - half[1], v + half[1]], axis=1)
+
+    def noise(rms: float) -> np.ndarray:
+        return np.convolve(rng.normal(size=N), np.ones(15) / 15**0.5, "same") * rms
+
+    for c, rms in enumerate(NOISE):
+        imu[:, c] += noise(rms)
+    for c in range(4):
+        wheels[:, c] += noise(2e-3)
+    return Recording(T, steer, wheels, imu, np.array([*NOISE, *[2e-3] * 4]))
+
+
+@pytest.mark.parametrize("by_front", [False, True])
+def test_a_textbooks_car_in_town_is_consistent(monkeypatch: pytest.MonkeyPatch, by_front: bool) -> None:
+    car = TUCSON._replace(front_driven=not by_front, rear_driven=by_front)
+    one = drive_of(textbook_car(car, SLOW_V, SHARP_STEER), car, 16.0)
+    assert one.front_gives_speed is by_front
+    told = answered(found(one))
+    assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
+    assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) < 2.0
+    # With front wheels as they are it is not.
+    monkeypatch.setitem(fitting._FROM_RAD, INDEX["small_wheels"], 1.0)
+    told = answered(found(one))
+    assert told.verdict != "consistent"
+    assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) > 3.0
 
 
 @pytest.mark.parametrize(("most_rad", "is_fitted"), [(0.075, False), (0.085, True)])
