@@ -32,8 +32,12 @@ def cos_of(angle_rad: float) -> float:
 
 
 @compiled
-def drawn(angle_rad: float, small: float) -> tuple[float, float]:
-    """Cosine and sine, or, as far as `small`, what they are of small angles: 1, and the angle."""
+def drawn(angle_rad: float, small: float, unturned: float) -> tuple[float, float]:
+    """Cosine and sine, or, as far as `small`, what they are of small angles: 1, and the angle.
+
+    Of a wheel that is drawn as if it were turned by less: by the share `unturned`.
+    """
+    angle_rad *= 1.0 - unturned
     cos, sin = cos_of(angle_rad), sin_of(angle_rad)
     return cos + small * (1.0 - cos), sin + small * (angle_rad - sin)
 

@@ -72,7 +72,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of smaller road wheel angles a sine is the angle, or a cosine 1, to a thousandth or two.
-_FROM_RAD = {INDEX["large_angles"]: 0.1, INDEX["small_wheels"]: 0.08}
+_FROM_RAD = {INDEX["large_angles"]: 0.1, INDEX["small_wheels"]: 0.08, INDEX["unturned_wheels"]: 0.08}
 _SMALL_TURNS = INDEX["small_turns"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")

@@ -157,10 +157,11 @@ def rolled(
     radii: Floats,
     load_height_m: float,
     small: float = 0.0,
+    unturned: float = 0.0,
 ) -> Floats:
     """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured.
 
-    `small`: how far the front wheels' are drawn for small angles.
+    `small`, `unturned`: how far the front wheels' are drawn for small angles, or as if they were not turned.
 
     The inner wheel of an axle carries less, and slips more by the same force: m a h / t of m g / 2 each.
     """
@@ -169,7 +170,7 @@ def rolled(
     for i in range(len(v_mps)):
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
-        cos, sin = drawn(delta, small)
+        cos, sin = drawn(delta, small, unturned)
         across = (row[0] + cg_to_front_axle_m * r) * sin
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
         moved_front, moved_rear = per_mps2 * row[3] / front_track_m, per_mps2 * row[3] / rear_track_m

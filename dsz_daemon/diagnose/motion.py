@@ -39,8 +39,8 @@ VY, R, R_RATE, AY, FRONT_N, ROLL, ROLL_RATE, PITCH, PITCH_RATE, DELTA, SPEED, LE
 class CarModel(NamedTuple):
     """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle.
 
-    `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand. `small_wheels`: how far
-    what the front wheels roll is drawn for small angles.
+    `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand. `small_wheels`,
+    `unturned_wheels`: how far what the front wheels roll is drawn for small angles, or as if they were not turned.
     """
 
     mass_kg: float
@@ -70,6 +70,7 @@ class CarModel(NamedTuple):
     load_height_m: float
     swings_m: float
     small_wheels: float = 0.0
+    unturned_wheels: float = 0.0
 
 
 @compiled
@@ -158,7 +159,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         cos, sin = cos_of(delta), sin_of(delta)
         tan = sin / cos
         if by_front:
-            along, across = drawn(delta, car.small_wheels)
+            along, across = drawn(delta, car.small_wheels, car.unturned_wheels)
             v = (front_mps[i] - (vy + lf * r) * across) / along
         if v < ROLLING_MPS:
             r_before = r

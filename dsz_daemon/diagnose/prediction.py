@@ -49,7 +49,8 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"wheel_growth", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
-    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force", "small_wheels"}
+    | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
+    | {"small_wheels", "unturned_wheels"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -192,6 +193,7 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         radii,
         at("wheel_slip.side_load_m"),
         at("small_wheels"),
+        at("unturned_wheels"),
     )
     compared = _compared(drive, as_they_read(wheels_mps, x), at("wheel_speed_delay.delay_s"))
     return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
@@ -239,6 +241,7 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         at("load_height_m"),
         at("suspension_roll.swings_m"),
         at("small_wheels"),
+        at("unturned_wheels"),
     )
 
 
@@ -266,8 +269,8 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
     aside = at("drive_steer"), at("brake_steer"), at("steers_by_force")
-    by_front, small = drive.front_gives_speed, at("small_wheels")
-    return rolling(drive.car, steer, rolled_mps, by_front, slip, ellipse, road.grade_rad, aside, small)
+    by_front, front = drive.front_gives_speed, (at("small_wheels"), at("unturned_wheels"))
+    return rolling(drive.car, steer, rolled_mps, by_front, slip, ellipse, road.grade_rad, aside, front)
 
 
 def _own_turn(drive: Drive, x: Floats) -> Floats | float:

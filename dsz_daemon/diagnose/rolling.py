@@ -79,18 +79,18 @@ def rolling(
     ellipse: Floats,
     grade_rad: Floats,
     aside: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    small_wheels: float = 0.0,
+    wheels: tuple[float, float] = (0.0, 0.0),
 ) -> Rolling:
     """Of what the axle that gives the speed rolls, along its wheels (n,); that is the front one if `by_front`.
 
     `ellipse` (n,): 1/friction^2, of which drive and brakes take their part. `aside`: by how much the front wheels seem
     turned over the speed's rate, as the car is driven and as it is braked, rad/(m/s^2); and how much of what slows a
-    car by itself is in that rate: all, where it is the force at the wheels that does it. `small_wheels`: how far the
-    front wheels are drawn for small angles.
+    car by itself is in that rate: all, where it is the force at the wheels that does it. `wheels`: how far the
+    front ones are drawn for small angles, and as if they were not turned.
     """
     v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share, slip.front_drives_more)
     if by_front:
-        v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps, small_wheels)
+        v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps, *wheels)
     front_slip, rear_slip, before = np.zeros(len(v)), np.zeros(len(v)), v
     if slip.per_force != 0.0:
         against_mps2 = G * grade_rad + slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v * v)
@@ -198,29 +198,35 @@ def _free(pull_mps2: Floats, grade_rad: Floats, grip: Floats, shares: _Shares) -
     return front, rear
 
 
-def _of_the_front(car: Car, steer: Floats, front_mps: Floats, small: float) -> Floats:
+def _of_the_front(car: Car, steer: Floats, front_mps: Floats, small: float, unturned: float) -> Floats:
     """The car's speed (n,) over what its front wheels roll, as in a steady bend: cos(delta - alpha) / cos(alpha).
 
-    The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta. `small`: how far they are
-    drawn for small angles.
+    The front axle goes at delta - alpha, alpha its slip angle; the wheels roll along delta. `small`, `unturned`:
+    how far they are drawn for small angles, or as if they were not turned.
     """
     wheelbase = car.wheelbase_m
     front_alpha = 0.5 * car.mass_kg * car.cg_to_rear_axle_m / wheelbase / car.front_cornering_stiffness_n_per_rad
     rear_alpha = 0.5 * car.mass_kg * car.cg_to_front_axle_m / wheelbase / car.rear_cornering_stiffness_n_per_rad
-    found: Floats = _along_over_rolled(steer, front_mps, wheelbase, front_alpha, rear_alpha, small)
+    found: Floats = _along_over_rolled(steer, front_mps, wheelbase, front_alpha, rear_alpha, small, unturned)
     return found
 
 
 @compiled
 def _along_over_rolled(
-    steer: Floats, front_mps: Floats, wheelbase_m: float, front_alpha: float, rear_alpha: float, small: float
+    steer: Floats,
+    front_mps: Floats,
+    wheelbase_m: float,
+    front_alpha: float,
+    rear_alpha: float,
+    small: float,
+    unturned: float,
 ) -> Floats:
     found = np.empty(len(steer))
     for i in range(len(steer)):
         v = front_mps[i]
         r = v * steer[i] / (wheelbase_m + (front_alpha - rear_alpha) * v * v)
         alpha = front_alpha * v * r
-        cos, sin = drawn(steer[i], small)
+        cos, sin = drawn(steer[i], small, unturned)
         # The front axle goes across by the tangent of delta - alpha of what it goes along.
         found[i] = 1.0 / (cos + sin * math.tan(steer[i] - alpha))
     return found

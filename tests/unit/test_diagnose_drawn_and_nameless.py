@@ -37,13 +37,18 @@ def with_(**values: float) -> np.ndarray:
     return x
 
 
-@pytest.mark.parametrize(("small", "cos", "sin"), [(0.0, math.cos(0.3), math.sin(0.3)), (1.0, 1.0, 0.3)])
-def test_a_wheel_is_drawn_as_it_is_or_for_small_angles(small: float, cos: float, sin: float) -> None:
-    assert drawn(0.3, small) == pytest.approx((cos, sin))
+@pytest.mark.parametrize(
+    ("small", "unturned", "cos", "sin"),
+    [(0.0, 0.0, math.cos(0.3), math.sin(0.3)), (1.0, 0.0, 1.0, 0.3), (0.0, 1.0, 1.0, 0.0), (1.0, 0.5, 1.0, 0.15)],
+)
+def test_a_wheel_is_drawn_as_it_is_for_small_angles_or_unturned(
+    small: float, unturned: float, cos: float, sin: float
+) -> None:
+    assert drawn(0.3, small, unturned) == pytest.approx((cos, sin))
     moved = np.zeros((1, 12))
     moved[0, [VY, R, DELTA]] = 0.4, 0.5, 0.3
     ones, still = np.ones(4), np.zeros(1)
-    wheels = rolled(moved, np.array([8.0]), still, still, 1.2, 1.5, 1.6, ones, 0.0, small)[0]
+    wheels = rolled(moved, np.array([8.0]), still, still, 1.2, 1.5, 1.6, ones, 0.0, small, unturned)[0]
     across = (0.4 + 1.2 * 0.5) * sin
     assert wheels[:2] == pytest.approx([(8.0 - 0.375) * cos + across, (8.0 + 0.375) * cos + across])
     # The rear ones are not turned.
@@ -54,8 +59,10 @@ def test_what_front_wheels_tell_of_the_speed_is_drawn_likewise() -> None:
     """Without sideslip at the axle (tyres as stiff as can be) they go along delta: cos delta, or 1 + delta^2 over."""
     stiff = Car(1500.0, 2500.0, 1.2, 1.4, 1.5, 1.5, 1e9, 1e9, True, False, 0.0, 0.0)
     steer, rolls = np.array([0.3]), np.array([5.0])
-    assert _of_the_front(stiff, steer, rolls, 0.0)[0] == pytest.approx(math.cos(0.3), rel=1e-6)
-    assert _of_the_front(stiff, steer, rolls, 1.0)[0] == pytest.approx(1.0 / (1.0 + 0.3 * math.tan(0.3)), rel=1e-6)
+    assert _of_the_front(stiff, steer, rolls, 0.0, 0.0)[0] == pytest.approx(math.cos(0.3), rel=1e-6)
+    small = 1.0 / (1.0 + 0.3 * math.tan(0.3))
+    assert _of_the_front(stiff, steer, rolls, 1.0, 0.0)[0] == pytest.approx(small, rel=1e-6)
+    assert _of_the_front(stiff, steer, rolls, 0.0, 1.0)[0] == pytest.approx(1.0)
 
 
 def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
@@ -63,13 +70,16 @@ def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
     told = answered(found(one))
     assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
     assert max(told.level.values()) < 1.5
-    # And it is that: with the wheels as they are these are far off.
+    # And it is that.
     plain = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
     assert plain.x[INDEX["small_wheels"]] == pytest.approx(1.0, abs=0.05)
 
 
-def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray) -> Recording:
-    """The linear single track as textbooks have it, in steps of 1 ms, with front wheels for small angles, and noise."""
+def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray, turned_wheels: float) -> Recording:
+    """The linear single track as textbooks have it, in steps of 1 ms, with front wheels for small angles, and noise.
+
+    `turned_wheels`: 0 where front wheels roll as rear ones do, however they are turned.
+    """
     steps, rng = 10, np.random.default_rng(7)
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front, rear = 2.0 * car.front_cornering_stiffness_n_per_rad, 2.0 * car.rear_cornering_stiffness_n_per_rad
@@ -86,7 +96,7 @@ def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray) -> Recording:
     still = np.zeros(N)
     imu = np.stack([still, still, r_radps, np.gradient(v, DT_S) - r_radps * vy_mps, ay, still + 9.80665], axis=1)
     half = 0.5 * r_radps * car.front_track_m, 0.5 * r_radps * car.rear_track_m
-    turned = v + (vy_mps + lf * r_radps) * steer
+    turned = v + turned_wheels * (vy_mps + lf * r_radps) * steer
     wheels = np.stack([turned - half[0], turned + half[0], v - half[1], v + half[1]], axis=1)
 
     def noise(rms: float) -> np.ndarray:
@@ -99,16 +109,20 @@ def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray) -> Recording:
     return Recording(T, steer, wheels, imu, np.array([*NOISE, *[2e-3] * 4]))
 
 
+@pytest.mark.parametrize("turned_wheels", [0.0, 1.0])
 @pytest.mark.parametrize("by_front", [False, True])
-def test_a_textbooks_car_in_town_is_consistent(monkeypatch: pytest.MonkeyPatch, by_front: bool) -> None:
+def test_a_textbooks_car_in_town_is_consistent(
+    monkeypatch: pytest.MonkeyPatch, by_front: bool, turned_wheels: float
+) -> None:
     car = TUCSON._replace(front_driven=not by_front, rear_driven=by_front)
-    one = drive_of(textbook_car(car, SLOW_V, SHARP_STEER), car, 16.0)
+    one = drive_of(textbook_car(car, SLOW_V, SHARP_STEER, turned_wheels), car, 16.0)
     assert one.front_gives_speed is by_front
     told = answered(found(one))
     assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
     assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) < 2.0
     # With front wheels as they are it is not.
-    monkeypatch.setitem(fitting._FROM_RAD, INDEX["small_wheels"], 1.0)
+    for drawing in ("small_wheels", "unturned_wheels"):
+        monkeypatch.setitem(fitting._FROM_RAD, INDEX[drawing], 1.0)
     told = answered(found(one))
     assert told.verdict != "consistent"
     assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) > 3.0
@@ -118,7 +132,7 @@ def test_a_textbooks_car_in_town_is_consistent(monkeypatch: pytest.MonkeyPatch, 
 def test_how_wheels_are_drawn_is_asked_where_they_are_turned(most_rad: float, is_fitted: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER * most_rad / np.max(np.abs(CITY_STEER)))
     fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
-    assert (INDEX["small_wheels"] in fit.columns) is is_fitted
+    assert {INDEX["small_wheels"], INDEX["unturned_wheels"]}.issubset(fit.columns) is is_fitted
 
 
 @pytest.mark.parametrize("per_v2", [7e-5, 3e-6, -2e-5])
