@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.instruments import delayed, rolled
 from dsz_daemon.diagnose.motion import DELTA, VY, R
-from dsz_daemon.diagnose.prediction import nothing
+from dsz_daemon.diagnose.prediction import nothing, smoothed
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.rolling import _of_the_front
 from dsz_daemon.diagnose.smaller import asked_of
@@ -155,6 +155,14 @@ def test_a_clock_that_is_off_comes_later_and_later_about_the_middle() -> None:
     late = delayed(values, 0.05, 0.01, 0.002)[:, 0]
     # Five rows late in the middle, and a 500th of the rows since.
     assert late[[250, 500, 750]] == pytest.approx([250 - 5.0 + 0.5, 500 - 5.0, 750 - 5.0 - 0.5], abs=0.01)
+
+
+def test_a_clock_is_late_in_the_middle_beside_what_the_imu_is_late_by() -> None:
+    values = np.arange(1001.0)[:, np.newaxis]
+    late = smoothed(values, with_(imu_clock__late_s=0.02, imu_clock__per_s=0.002, imu_delay__delay_s=0.03))[:, 0]
+    assert late[[250, 500, 750]] == pytest.approx([250 - 5.0 + 0.5, 500 - 5.0, 750 - 5.0 - 0.5], abs=0.01)
+    early = smoothed(values, with_(imu_clock__late_s=-0.02))[:, 0]
+    assert early[500] == pytest.approx(502.0)
 
 
 def test_tyres_that_grow_have_no_name_and_no_scale_is_told_for_them() -> None:

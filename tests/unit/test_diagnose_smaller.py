@@ -108,6 +108,33 @@ def test_each_earlier_effect_is_tried_without_and_again_without_what_had_to_go(
     ]
 
 
+@pytest.mark.parametrize(("by_rows_form", "by_its_own"), [(40.0, 20.0), (20.0, 40.0)])
+def test_what_stays_surely_does_so_by_either_form(
+    monkeypatch: pytest.MonkeyPatch, by_rows_form: float, by_its_own: float
+) -> None:
+    """What an effect is worth is asked twice later: by the rows' form, and by what the smaller model's may be."""
+    worths: list[float] = []
+
+    def gains(_: Any, rest: Any, __: Any) -> float:
+        return by_rows_form if rest.form == "the rows'" else by_its_own
+
+    def surely(*given: Any) -> Any:
+        rest = SimpleNamespace(form="its own", _replace=lambda form: SimpleNamespace(form=form))
+        worths.append(given[6](rest))
+        assert given[5] == "the slopes"
+        return rest
+
+    monkeypatch.setattr(smaller_module, "surely_without", surely)
+    monkeypatch.setattr(smaller_module, "slopes_at", lambda *_: "the slopes")
+    monkeypatch.setattr(smaller_module, "gained", gains)
+    rows: Any = SimpleNamespace(form="the rows'")
+    none: Any = None
+    now: Any = SimpleNamespace(effects=("first", "newest"))
+    before: Any = SimpleNamespace(effects=("first",))
+    Grown(none, rows, {}, before, now).without_idle({})
+    assert worths == [20.0]
+
+
 @pytest.mark.parametrize("works", [["one"], ["one", "other"]])
 def test_one_work_alone_has_all_hands_and_several_have_one_each(works: list[str]) -> None:
     def each(task: Any, items: Any) -> Any:
