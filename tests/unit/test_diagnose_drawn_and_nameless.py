@@ -14,13 +14,13 @@ from dsz_daemon.diagnose import another_car
 from dsz_daemon.diagnose import fit as fitting
 from dsz_daemon.diagnose.angles import drawn
 from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.instruments import delayed, rolled
 from dsz_daemon.diagnose.motion import DELTA, VY, R
-from dsz_daemon.diagnose.prediction import nothing, smoothed
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted, smoothed
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.rolling import _of_the_front
 from dsz_daemon.diagnose.smaller import asked_of
@@ -175,6 +175,27 @@ def test_tyres_that_grow_have_no_name_and_no_scale_is_told_for_them() -> None:
     coefficient = shapes["wheel_speed_fl"].coefficient
     assert coefficient.value == pytest.approx(-1e-5, abs=4.0 * coefficient.std)
     assert coefficient.std < 1e-6
+
+
+@pytest.mark.parametrize(("gain", "shapes"), [(19.9, 0), (20.1, 4)])
+def test_what_all_wheels_show_is_told_by_what_names_are(gain: float, shapes: int) -> None:
+    fast = 25.0 + 8.0 * np.sin(0.15 * T)
+    there = found(drive({"wheel_growth.per_v2": 1e-5}, fast, 0.25 * CITY_STEER))
+    assert there.best.effects == ("wheel_growth",)
+    assert len(answered(there._replace(gains={"wheel_growth": gain})).unlisted) == shapes
+
+
+@pytest.mark.parametrize("drawing", ["small_wheels", "unturned_wheels", "wheel_growth.per_v2"])
+def test_where_front_wheels_tell_the_speed_their_drawing_moves_all(drawing: str) -> None:
+    car = TUCSON._replace(front_driven=False, rear_driven=True)
+    one = drive_of(textbook_car(car, SLOW_V, SHARP_STEER, 1.0), car, 16.0)
+    rows, x, i = rows_of(one), nothing(), INDEX[drawing]
+    base, moved = predicted(one, x, flat(N)), x.copy()
+    moved[i] = one.vocabulary.columns[i][1].step
+    slope = sensitivities(one, rows, x, flat(N), base, [i])[:, :, 0]
+    secant = (predicted(one, moved, flat(N)) - base)[rows.at] / moved[i]
+    assert np.abs(secant[:, 2]).max() > 0.0
+    np.testing.assert_allclose(slope[:, 2], secant[:, 2] * rows.used[:, 2], rtol=1e-9, atol=1e-12)
 
 
 def test_a_clock_that_is_off_is_no_delay() -> None:
