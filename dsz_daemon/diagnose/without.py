@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 
+import numpy as np
+
 from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, Fit, Slopes, fitted
@@ -52,6 +54,9 @@ def surely_without(
 ) -> Fit:
     """The model without one effect: roughly where by its `worth` over that it surely stays, else as exact as any."""
     roughly = without(drive, rows, best, tolerance, (effect,), each, known)
-    if roughly.is_exact or worth(roughly) > _SURELY:
+    # By slopes of another place that lead nowhere it is not fitted at all, and worth anything.
+    rest = list(roughly.columns)
+    is_fitted = not np.array_equal(roughly.x[rest], best.x[rest])
+    if is_fitted and (roughly.is_exact or worth(roughly) > _SURELY):
         return roughly
     return without(drive, rows, best, tolerance, (effect,), each)

@@ -41,6 +41,14 @@ def test_what_may_have_to_go_is_gone_exactly(both: Any, worth: float, is_exact: 
     assert rest.is_exact is is_exact
 
 
+def test_slopes_that_lead_nowhere_fit_nothing(both: Any) -> None:
+    known = slopes_at(ONE, ROWS, both)
+    nowhere = known._replace(values=np.zeros_like(known.values))
+    rest = surely_without(ONE, ROWS, both, TOLERANCE, "steering_ratio", nowhere, lambda _: 1e4)
+    exact = without(ONE, ROWS, both, TOLERANCE, ("steering_ratio",))
+    np.testing.assert_array_equal(rest.x, exact.x)
+
+
 def test_on_another_road_slopes_are_others() -> None:
     start = nothing()
     tilted = fitted(ONE, ROWS, start, ("gyro_scale", "steering_ratio", "road_bank"), TOLERANCE)
