@@ -11,6 +11,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, floors, noises, sensitivities
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
+from dsz_daemon.diagnose.drawings import WHEELS, are_told
 from dsz_daemon.diagnose.effect_row import CAR, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.evidence import (
@@ -71,8 +72,8 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
-# Of smaller road wheel angles a sine is the angle, or a cosine 1, to a thousandth or two.
-_FROM_RAD = {INDEX["large_angles"]: 0.1, INDEX["small_wheels"]: 0.08, INDEX["unturned_wheels"]: 0.08}
+# Of smaller road wheel angles a sine is the angle to a thousandth or two.
+_FROM_RAD = {INDEX["large_angles"]: 0.1}
 _SMALL_TURNS = INDEX["small_turns"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -200,6 +201,7 @@ def fitted(
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
+    hidden |= set(WHEELS) if are_told(start) else set()
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}

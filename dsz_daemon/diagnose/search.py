@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
+from dsz_daemon.diagnose.drawings import as_drawn, untold
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -217,7 +218,9 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
 
 def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
     """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
-    nominal = fitted(drive, rows, nothing(drive.vocabulary), (), tolerance, _WELL, each)
+    nominal = fitted(drive, rows, untold(nothing(drive.vocabulary), drive.steer), (), tolerance, _WELL, each)
+    if (drawn := as_drawn(nominal.x)) is not None:
+        nominal = fitted(drive, rows, drawn, (), tolerance, _WELL, each)
     pulled = by_force(nominal.x, nominal.std, nominal.columns)
     return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
 

@@ -10,14 +10,14 @@ from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive, found
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose import another_car
-from dsz_daemon.diagnose import fit as fitting
+from dsz_daemon.diagnose import another_car, drawings
 from dsz_daemon.diagnose.angles import drawn
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.drawings import WHEELS, are_told, as_drawn, untold
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.fit import fitted, values_of
 from dsz_daemon.diagnose.instruments import delayed, rolled
 from dsz_daemon.diagnose.motion import DELTA, VY, R
 from dsz_daemon.diagnose.prediction import flat, nothing, predicted, smoothed
@@ -71,8 +71,51 @@ def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
     assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
     assert max(told.level.values()) < 1.5
     # And it is that.
-    plain = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    plain = fitted(one, rows_of(one), untold(nothing(), one.steer), (), TOLERANCE)
     assert plain.x[INDEX["small_wheels"]] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("small", "unturned", "is_told"), [(0.0, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, True), (0.5, 0.0, False)]
+)
+def test_what_is_near_a_drawing_is_it_and_no_number_more(small: float, unturned: float, is_told: bool) -> None:
+    nominal = found(drive({"small_wheels": small, "unturned_wheels": unturned}, SLOW_V, SHARP_STEER)).nominal
+    assert not set(WHEELS).intersection(nominal.columns) if is_told else set(WHEELS) <= set(nominal.columns)
+    at = nominal.x[list(WHEELS)].tolist()
+    assert at == [small, unturned] if is_told else at == pytest.approx([small, unturned], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("small", "unturned", "drawing"),
+    [
+        (0.2, -0.2, (0.0, 0.0)),
+        (0.8, 0.2, (1.0, 0.0)),
+        (-0.1, 1.2, (0.0, 1.0)),
+        (0.3, 0.0, None),
+        (1.0, 0.3, None),
+        (0.0, 0.7, None),
+        (1.0, 1.0, None),
+    ],
+)
+def test_which_drawing_is_near(small: float, unturned: float, drawing: tuple[float, float] | None) -> None:
+    x = with_(small_wheels=small, unturned_wheels=unturned, offset_gyro_z=0.1)
+    told = as_drawn(x)
+    assert (told is None) is (drawing is None)
+    if told is not None:
+        assert tuple(told[list(WHEELS)]) == drawing
+        assert are_told(told)
+        assert not are_told(x)
+        assert told[INDEX["offset_gyro_z"]] == 0.1
+
+
+def test_what_wheels_tell_of_a_compliance_is_not_taken_by_how_they_are_drawn() -> None:
+    """With both numbers free, what front wheels tell of how far they are turned is told a third as well."""
+    one = drive({"steering_compliance.rad_per_n": 2e-6}, SLOW_V, SHARP_STEER)
+    rows, effects = rows_of(one), ("steering_compliance",)
+    told = fitted(one, rows, nothing(), effects, TOLERANCE)
+    free = fitted(one, rows, untold(nothing(), one.steer), effects, TOLERANCE)
+    spread_told, spread_free = (values_of(one, fit, effects[0])["rad_per_n"][1] for fit in (told, free))
+    assert spread_free > 2.0 * spread_told
 
 
 def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray, turned_wheels: float) -> Recording:
@@ -121,8 +164,7 @@ def test_a_textbooks_car_in_town_is_consistent(
     assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
     assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) < 2.0
     # With front wheels as they are it is not.
-    for drawing in ("small_wheels", "unturned_wheels"):
-        monkeypatch.setitem(fitting._FROM_RAD, INDEX[drawing], 1.0)
+    monkeypatch.setattr(drawings, "_FROM_RAD", 1.0)
     told = answered(found(one))
     assert told.verdict != "consistent"
     assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) > 3.0
@@ -131,8 +173,8 @@ def test_a_textbooks_car_in_town_is_consistent(
 @pytest.mark.parametrize(("most_rad", "is_fitted"), [(0.075, False), (0.085, True)])
 def test_how_wheels_are_drawn_is_asked_where_they_are_turned(most_rad: float, is_fitted: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER * most_rad / np.max(np.abs(CITY_STEER)))
-    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
-    assert {INDEX["small_wheels"], INDEX["unturned_wheels"]}.issubset(fit.columns) is is_fitted
+    fit = fitted(one, rows_of(one), untold(nothing(), one.steer), (), TOLERANCE)
+    assert set(WHEELS).issubset(fit.columns) is is_fitted
 
 
 @pytest.mark.parametrize("per_v2", [7e-5, 3e-6, -2e-5])
