@@ -43,6 +43,17 @@ def drawn(angle_rad: float, small: float, unturned: float) -> tuple[float, float
 
 
 @compiled
+def at_a_side(cos: float, sin: float, nearer: float) -> tuple[float, float]:
+    """Cosine and sine of a wheel beside the middle that rolls about the same point: cot = cot of the middle - `nearer`.
+
+    Ackermann's: how far it is to the left, over the wheelbase.
+    """
+    along = cos - nearer * sin
+    by = math.sqrt((cos * cos + sin * sin) / (along * along + sin * sin))
+    return along * by, sin * by
+
+
+@compiled
 def atan_of(ratio: float) -> float:
     """The arctangent: x - x^3/3 + x^5/5 - ... + x^13/13, summed in pairs, so that no term waits for all others."""
     if abs(ratio) > SMALL_RAD:

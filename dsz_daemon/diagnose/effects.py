@@ -323,7 +323,7 @@ TOLERATED = (
     *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
 # Drawn with or without: a pull along steered wheels, small turns, wheels alike, load on tyres, sines, held inputs, and
-# wheels that roll as if they were turned by next to nothing, or by nothing.
+# wheels that roll as if they were turned by next to nothing, or by nothing; or each about where the car turns.
 FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
@@ -334,6 +334,7 @@ FORM = (
     Parameter("steers_by_force", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("small_wheels", "1", 0.5, -0.2, 1.2, math.inf),
     Parameter("unturned_wheels", "1", 0.5, -0.2, 1.2, math.inf),
+    Parameter("wheels_apart", "1", 0.5, -0.5, 1.5, math.inf),
 )
 
 

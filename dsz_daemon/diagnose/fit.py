@@ -11,7 +11,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, floors, noises, sensitivities
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
-from dsz_daemon.diagnose.drawings import WHEELS, are_told
+from dsz_daemon.diagnose.drawings import told
 from dsz_daemon.diagnose.effect_row import CAR, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.evidence import (
@@ -201,7 +201,7 @@ def fitted(
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
-    hidden |= set(WHEELS) if are_told(start) else set()
+    hidden |= told(start)
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}

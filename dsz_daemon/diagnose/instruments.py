@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.angles import cos_of, drawn, sin_of
+from dsz_daemon.diagnose.angles import at_a_side, cos_of, drawn, sin_of
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -158,10 +158,12 @@ def rolled(
     load_height_m: float,
     small: float = 0.0,
     unturned: float = 0.0,
+    nearer: float = 0.0,
 ) -> Floats:
     """Each wheel's speed along its own heading (n, 4), slip (n,) included; `radii` (4,) over the configured.
 
-    `small`, `unturned`: how far the front wheels' are drawn for small angles, or as if they were not turned.
+    `small`, `unturned`: how far the front wheels' are drawn for small angles, or as if they were not turned; `nearer`:
+    see `angles.at_a_side`, 0 where both are turned alike.
 
     The inner wheel of an axle carries less, and slips more by the same force: m a h / t of m g / 2 each.
     """
@@ -171,11 +173,13 @@ def rolled(
         row = moved[i]
         v, r, delta = v_mps[i], row[1], row[9]
         cos, sin = drawn(delta, small, unturned)
-        across = (row[0] + cg_to_front_axle_m * r) * sin
+        (left_cos, left_sin), (right_cos, right_sin) = at_a_side(cos, sin, nearer), at_a_side(cos, sin, -nearer)
+        across = row[0] + cg_to_front_axle_m * r
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
         moved_front, moved_rear = per_mps2 * row[3] / front_track_m, per_mps2 * row[3] / rear_track_m
-        shown[i, 0] = ((v - front) * cos + across) * (1.0 + front_slip[i] * (1.0 + moved_front)) / radii[0]
-        shown[i, 1] = ((v + front) * cos + across) * (1.0 + front_slip[i] * (1.0 - moved_front)) / radii[1]
+        left, right = (v - front) * left_cos + across * left_sin, (v + front) * right_cos + across * right_sin
+        shown[i, 0] = left * (1.0 + front_slip[i] * (1.0 + moved_front)) / radii[0]
+        shown[i, 1] = right * (1.0 + front_slip[i] * (1.0 - moved_front)) / radii[1]
         shown[i, 2] = (v - rear) * (1.0 + rear_slip[i] * (1.0 + moved_rear)) / radii[2]
         shown[i, 3] = (v + rear) * (1.0 + rear_slip[i] * (1.0 - moved_rear)) / radii[3]
     return shown

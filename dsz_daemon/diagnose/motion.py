@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.angles import atan_of, cos_of, drawn, sin_of
+from dsz_daemon.diagnose.angles import at_a_side, atan_of, cos_of, drawn, sin_of
 from dsz_daemon.diagnose.tyre_curve import curve_of, limited
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
@@ -40,7 +40,8 @@ class CarModel(NamedTuple):
     """What moves the car; axle stiffnesses in N/rad (two tyres), loads in N of an axle.
 
     `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand. `small_wheels`,
-    `unturned_wheels`: how far what the front wheels roll is drawn for small angles, or as if they were not turned.
+    `unturned_wheels`: how far what the front wheels roll is drawn for small angles, or as if they were not turned;
+    `nearer`: how far they are beside the middle, over the wheelbase, 0 where they are turned alike.
     """
 
     mass_kg: float
@@ -71,6 +72,7 @@ class CarModel(NamedTuple):
     swings_m: float
     small_wheels: float = 0.0
     unturned_wheels: float = 0.0
+    nearer: float = 0.0
 
 
 @compiled
@@ -160,7 +162,13 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         tan = sin / cos
         if by_front:
             along, across = drawn(delta, car.small_wheels, car.unturned_wheels)
-            v = (front_mps[i] - (vy + lf * r) * across) / along
+            if car.nearer == 0.0:
+                v = (front_mps[i] - (vy + lf * r) * across) / along
+            else:
+                left, right = at_a_side(along, across, car.nearer), at_a_side(along, across, -car.nearer)
+                turned_mps = 0.25 * car.front_track_m * r * (right[0] - left[0])
+                v = 2.0 * (front_mps[i] - turned_mps) - (vy + lf * r) * (left[1] + right[1])
+                v /= left[0] + right[0]
         if v < ROLLING_MPS:
             r_before = r
             r = v * delta / (lf + lr)

@@ -192,8 +192,7 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         *tracks_m,
         radii,
         at("wheel_slip.side_load_m"),
-        at("small_wheels"),
-        at("unturned_wheels"),
+        *(model.small_wheels, model.unturned_wheels, model.nearer),
     )
     compared = _compared(drive, as_they_read(wheels_mps, x), at("wheel_speed_delay.delay_s"))
     return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
@@ -242,6 +241,7 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         at("suspension_roll.swings_m"),
         at("small_wheels"),
         at("unturned_wheels"),
+        at("wheels_apart") * 0.5 * front_track_m / (lf + lr),
     )
 
 

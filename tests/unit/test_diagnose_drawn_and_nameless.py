@@ -11,10 +11,10 @@ from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, dr
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import another_car, drawings
-from dsz_daemon.diagnose.angles import drawn
+from dsz_daemon.diagnose.angles import at_a_side, drawn
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.drawings import WHEELS, are_told, as_drawn, untold
+from dsz_daemon.diagnose.drawings import WHEELS, as_drawn, told, untold
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted, values_of
@@ -67,22 +67,28 @@ def test_what_front_wheels_tell_of_the_speed_is_drawn_likewise() -> None:
 
 def test_front_wheels_for_small_angles_are_no_physics_left_out() -> None:
     one = drive({"small_wheels": 1.0}, SLOW_V, SHARP_STEER)
-    told = answered(found(one))
-    assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
-    assert max(told.level.values()) < 1.5
+    said = answered(found(one))
+    assert (said.verdict, said.causes, said.unlisted) == ("consistent", [], [])
+    assert max(said.level.values()) < 1.5
     # And it is that.
     plain = fitted(one, rows_of(one), untold(nothing(), one.steer), (), TOLERANCE)
     assert plain.x[INDEX["small_wheels"]] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("apart", [0.0, 1.0])
 @pytest.mark.parametrize(
     ("small", "unturned", "is_told"), [(0.0, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, True), (0.5, 0.0, False)]
 )
-def test_what_is_near_a_drawing_is_it_and_no_number_more(small: float, unturned: float, is_told: bool) -> None:
-    nominal = found(drive({"small_wheels": small, "unturned_wheels": unturned}, SLOW_V, SHARP_STEER)).nominal
-    assert not set(WHEELS).intersection(nominal.columns) if is_told else set(WHEELS) <= set(nominal.columns)
-    at = nominal.x[list(WHEELS)].tolist()
-    assert at == [small, unturned] if is_told else at == pytest.approx([small, unturned], abs=0.1)
+def test_what_is_near_a_drawing_is_it_and_no_number_more(
+    small: float, unturned: float, is_told: bool, apart: float
+) -> None:
+    numbers = {"small_wheels": small, "unturned_wheels": unturned, "wheels_apart": apart * (1.0 - unturned)}
+    nominal = found(drive(numbers, SLOW_V, SHARP_STEER)).nominal
+    turned, at = WHEELS[:2], nominal.x[list(WHEELS)].tolist()
+    assert WHEELS[2] not in nominal.columns
+    assert at[2] == apart or unturned == 1.0
+    assert not set(turned).intersection(nominal.columns) if is_told else set(turned) <= set(nominal.columns)
+    assert at[:2] == [small, unturned] if is_told else at[:2] == pytest.approx([small, unturned], abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -91,37 +97,72 @@ def test_what_is_near_a_drawing_is_it_and_no_number_more(small: float, unturned:
         (0.2, -0.2, (0.0, 0.0)),
         (0.8, 0.2, (1.0, 0.0)),
         (-0.1, 1.2, (0.0, 1.0)),
+        (0.5, 0.8, (0.0, 1.0)),
         (0.3, 0.0, None),
         (1.0, 0.3, None),
         (0.0, 0.7, None),
-        (1.0, 1.0, None),
     ],
 )
 def test_which_drawing_is_near(small: float, unturned: float, drawing: tuple[float, float] | None) -> None:
-    x = with_(small_wheels=small, unturned_wheels=unturned, offset_gyro_z=0.1)
-    told = as_drawn(x)
-    assert (told is None) is (drawing is None)
-    if told is not None:
-        assert tuple(told[list(WHEELS)]) == drawing
-        assert are_told(told)
-        assert not are_told(x)
-        assert told[INDEX["offset_gyro_z"]] == 0.1
+    x = with_(small_wheels=small, unturned_wheels=unturned, wheels_apart=1.0, offset_gyro_z=0.1)
+    assert told(x) == {WHEELS[2]}
+    near = as_drawn(x)
+    assert (near is None) is (drawing is None)
+    if near is not None:
+        assert tuple(near[list(WHEELS)]) == (*drawing, 1.0)
+        assert told(near) == set(WHEELS)
+        assert near[INDEX["offset_gyro_z"]] == 0.1
+
+
+@pytest.mark.parametrize(("apart", "near"), [(-0.5, 0.0), (0.45, 0.0), (0.55, 1.0), (1.5, 1.0)])
+def test_wheels_are_turned_alike_or_not(apart: float, near: float) -> None:
+    found_near = as_drawn(with_(wheels_apart=apart))
+    assert found_near is not None
+    assert found_near[WHEELS[2]] == near
+    assert as_drawn(with_(wheels_apart=near)) is None
+
+
+@pytest.mark.parametrize(("most_rad", "free"), [(0.075, 0), (0.085, 2), (0.145, 2), (0.155, 3)])
+def test_front_wheels_are_asked_of_where_they_are_turned(most_rad: float, free: int) -> None:
+    x = untold(nothing(), most_rad * np.sin(T))
+    assert len(WHEELS) - len(told(x)) == free
+
+
+@pytest.mark.parametrize("delta", [0.3, -0.2])
+def test_a_wheel_at_a_side_rolls_about_where_the_car_turns(delta: float) -> None:
+    """Ackermann: cot of the left = cot of the middle - track / 2 over the wheelbase; of the right, plus."""
+    for nearer in (0.27, -0.27):
+        angle = math.atan(1.0 / (1.0 / math.tan(delta) - nearer))
+        assert at_a_side(math.cos(delta), math.sin(delta), nearer) == pytest.approx((math.cos(angle), math.sin(angle)))
+
+
+def test_wheels_apart_roll_with_no_sideslip_what_their_paths_are() -> None:
+    """A car that rolls about one point: each front wheel's speed is yaw rate times its distance from there."""
+    delta, r, lf, lr, track = 0.35, 0.6, 1.2, 1.5, 1.6
+    radius = (lf + lr) / math.tan(delta)
+    moved_row = np.zeros((1, 12))
+    moved_row[0, [VY, R, DELTA]] = lr * r, r, delta
+    ones, still = np.ones(4), np.zeros(1)
+    nearer = 0.5 * track / (lf + lr)
+    wheels = rolled(moved_row, np.array([r * radius]), still, still, lf, track, 1.5, ones, 0.0, 0.0, 0.0, nearer)[0]
+    assert wheels[:2] == pytest.approx([r * math.hypot(radius - side * track / 2, lf + lr) for side in (1.0, -1.0)])
 
 
 def test_what_wheels_tell_of_a_compliance_is_not_taken_by_how_they_are_drawn() -> None:
     """With both numbers free, what front wheels tell of how far they are turned is told a third as well."""
     one = drive({"steering_compliance.rad_per_n": 2e-6}, SLOW_V, SHARP_STEER)
     rows, effects = rows_of(one), ("steering_compliance",)
-    told = fitted(one, rows, nothing(), effects, TOLERANCE)
+    sure = fitted(one, rows, nothing(), effects, TOLERANCE)
     free = fitted(one, rows, untold(nothing(), one.steer), effects, TOLERANCE)
-    spread_told, spread_free = (values_of(one, fit, effects[0])["rad_per_n"][1] for fit in (told, free))
+    spread_told, spread_free = (values_of(one, fit, effects[0])["rad_per_n"][1] for fit in (sure, free))
     assert spread_free > 2.0 * spread_told
 
 
-def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray, turned_wheels: float) -> Recording:
+def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray, turned_wheels: float | None) -> Recording:
     """The linear single track as textbooks have it, in steps of 1 ms, with front wheels for small angles, and noise.
 
-    `turned_wheels`: 0 where front wheels roll as rear ones do, however they are turned.
+    `turned_wheels`: 0 where front wheels roll as rear ones do, however they are turned; None where each is turned by
+    the angle of its own circle (Ackermann).
     """
     steps, rng = 10, np.random.default_rng(7)
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
@@ -139,8 +180,17 @@ def textbook_car(car: Car, v: np.ndarray, steer: np.ndarray, turned_wheels: floa
     still = np.zeros(N)
     imu = np.stack([still, still, r_radps, np.gradient(v, DT_S) - r_radps * vy_mps, ay, still + 9.80665], axis=1)
     half = 0.5 * r_radps * car.front_track_m, 0.5 * r_radps * car.rear_track_m
-    turned = v + turned_wheels * (vy_mps + lf * r_radps) * steer
-    wheels = np.stack([turned - half[0], turned + half[0], v - half[1], v + half[1]], axis=1)
+    if turned_wheels is None:
+        beside = 0.5 * car.front_track_m / (lf + lr)
+        angles = [np.arctan(np.tan(steer) / (1.0 - side * beside * np.tan(steer))) for side in (1.0, -1.0)]
+        fronts = [
+            (v - side * half[0]) * np.cos(angle) + (vy_mps + lf * r_radps) * np.sin(angle)
+            for side, angle in zip((1.0, -1.0), angles, strict=True)
+        ]
+    else:
+        turned = v + turned_wheels * (vy_mps + lf * r_radps) * steer
+        fronts = [turned - half[0], turned + half[0]]
+    wheels = np.stack([*fronts, v - half[1], v + half[1]], axis=1)
 
     def noise(rms: float) -> np.ndarray:
         return np.convolve(rng.normal(size=N), np.ones(15) / 15**0.5, "same") * rms
@@ -160,21 +210,32 @@ def test_a_textbooks_car_in_town_is_consistent(
     car = TUCSON._replace(front_driven=not by_front, rear_driven=by_front)
     one = drive_of(textbook_car(car, SLOW_V, SHARP_STEER, turned_wheels), car, 16.0)
     assert one.front_gives_speed is by_front
-    told = answered(found(one))
-    assert (told.verdict, told.causes, told.unlisted) == ("consistent", [], [])
-    assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) < 2.0
+    said = answered(found(one))
+    assert (said.verdict, said.causes, said.unlisted) == ("consistent", [], [])
+    assert max(level for channel, level in said.level.items() if channel.startswith("wheel")) < 2.0
     # With front wheels as they are it is not.
     monkeypatch.setattr(drawings, "_FROM_RAD", 1.0)
-    told = answered(found(one))
-    assert told.verdict != "consistent"
-    assert max(level for channel, level in told.level.items() if channel.startswith("wheel")) > 3.0
+    said = answered(found(one))
+    assert said.verdict != "consistent"
+    assert max(level for channel, level in said.level.items() if channel.startswith("wheel")) > 3.0
 
 
-@pytest.mark.parametrize(("most_rad", "is_fitted"), [(0.075, False), (0.085, True)])
-def test_how_wheels_are_drawn_is_asked_where_they_are_turned(most_rad: float, is_fitted: bool) -> None:
-    one = drive({}, CITY_V, CITY_STEER * most_rad / np.max(np.abs(CITY_STEER)))
-    fit = fitted(one, rows_of(one), untold(nothing(), one.steer), (), TOLERANCE)
-    assert set(WHEELS).issubset(fit.columns) is is_fitted
+@pytest.mark.parametrize("by_front", [False, True])
+def test_wheels_that_each_roll_on_a_circle_of_their_own_are_consistent(
+    monkeypatch: pytest.MonkeyPatch, by_front: bool
+) -> None:
+    car = TUCSON._replace(front_driven=not by_front, rear_driven=by_front)
+    one = drive_of(textbook_car(car, SLOW_V, 1.6 * SHARP_STEER, None), car, 16.0)
+    assert one.front_gives_speed is by_front
+    there = found(one)
+    said = answered(there)
+    assert (said.verdict, said.causes, said.unlisted) == ("consistent", [], [])
+    assert max(level for channel, level in said.level.items() if channel.startswith("wheel")) < 2.0
+    assert there.nominal.x[list(WHEELS)].tolist() == [0.0, 0.0, 1.0]
+    # As if both were turned alike it is not.
+    monkeypatch.setattr(drawings, "_APART_FROM_RAD", 1.0)
+    said = answered(found(one))
+    assert said.verdict != "consistent" or max(said.level.values()) > 2.0
 
 
 @pytest.mark.parametrize("per_v2", [7e-5, 3e-6, -2e-5])
