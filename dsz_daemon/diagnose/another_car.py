@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.search import Progress, Search, searched
 from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 
 # Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
-NUMBERS = frozenset({"steering_ratio", "track_width"}) | SAME_TURN
+NUMBERS = frozenset({"steering_ratio", "track_width", "yaw_inertia"}) | SAME_TURN
 _PLACE = "imu_lever_arm"
 # How far apart two cars are, as shares. Forces and inertia count by the mass, which no drive tells: it stays.
 ROOM = {

@@ -27,7 +27,7 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search
-from dsz_daemon.diagnose.shape_names import is_shape
+from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
@@ -68,6 +68,7 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
 _BEYOND = {
     "cornering_stiffness": {f"{axle}_cornering_stiffness_n_per_rad": f"{axle}_scale" for axle in ("front", "rear")},
     "track_width": {f"{axle}_track_m": axle for axle in ("front", "rear")},
+    "yaw_inertia": {"yaw_inertia_kgm2": "share"},
 }
 
 
@@ -84,9 +85,12 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     causes = [cause for cause in said if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
-    shapes = unlisted(found.drive, found.rows, found.best, found.shapes)
+    sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
+    # A car has many ways to turn a little otherwise.
+    there = [shape for shape in found.shapes if not is_of_the_car(shape.effect.name) or shape.effect.name in sure]
+    shapes = unlisted(found.drive, found.rows, found.best, there)
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
-    shapes += shapes_of_all(found.drive, found.best, {e for e, gain in found.gains.items() if gain > TOLD_GAIN * left})
+    shapes += shapes_of_all(found.drive, found.best, sure)
     anything = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(

@@ -43,7 +43,8 @@ class Effect(NamedTuple):
     """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
 
     The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels. What has no name
-    may also be a course (n,) by which the front wheels turn further, times its only parameter: `steers`.
+    may also be a course (n,) by which the front wheels turn further, times its only parameter: `steers`; or a side
+    force at the C.G., N, and a yaw moment, N m (n, 2): `pushes`.
     """
 
     name: str
@@ -53,3 +54,4 @@ class Effect(NamedTuple):
     parameters: tuple[Parameter, ...]
     shows: Shows | None = None
     steers: Floats | None = None
+    pushes: Floats | None = None

@@ -288,6 +288,20 @@ NAMELESS = (
         SENSORS,
         (Parameter("per_s", "s/s", 1e-4, -5e-3, 5e-3, 2e-5), Parameter("late_s", "s", 0.02, -0.5, 0.5, math.inf)),
     ),
+    Effect(
+        "yaw_inertia",
+        "The yaw inertia is off by {share:.2f} of what is configured",
+        "(1 + k) I_z r' = M_z",
+        CAR,
+        (Parameter("share", "1", 0.1, -0.7, 2.0, 0.03),),
+    ),
+    Effect(
+        "steering_lag",
+        "The front wheels follow the hand wheel by {time_constant_s:.3f} s",
+        "T delta' = hand / ratio - delta",
+        CAR,
+        (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
+    ),
 )
 
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
@@ -357,13 +371,18 @@ class Vocabulary(NamedTuple):
 
     def own(self) -> tuple[Effect, ...]:
         """The rows behind the built-in ones."""
-        return tuple(effect for effect in self.effects if effect.shows is not None or effect.steers is not None)
+        return tuple(effect for effect in self.effects if _does_something(effect))
+
+
+def _does_something(effect: Effect) -> bool:
+    """Whether a row says itself what it does, as those behind the built-in ones do."""
+    return any(there is not None for there in (effect.shows, effect.steers, effect.pushes))
 
 
 def vocabulary(own: tuple[Effect, ...] = ()) -> Vocabulary:
     """The built-in rows and one's own; ValueError: a name that is there already, or nothing that it shows."""
     for effect in own:
-        if effect.shows is None and effect.steers is None:
+        if not _does_something(effect):
             raise ValueError(f"effect {effect.name!r} shows nothing; expected a function of the motion in `shows`")
     effects = (*EFFECTS, *ROAD, *NAMELESS, *own)
     names = [effect.name for effect in effects]

@@ -86,6 +86,7 @@ _INSTEAD_OF = {
             (f"{axle}_scale", f"{axle}_cornering_stiffness_n_per_rad") for axle in ("front", "rear")
         ],
         "track_width": [("front", "front_track_m"), ("rear", "rear_track_m")],
+        "yaw_inertia": [("share", "yaw_inertia_kgm2")],
         "steering_delay": [("delay_s", "steering_skew_s")],
         # In a body that leans both feel the same swing.
         "imu_lever_arm": [("z_m", "suspension_roll.above_m")],

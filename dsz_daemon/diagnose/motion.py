@@ -127,6 +127,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     lean_share: float,
     front_free: Floats,
     rear_free: Floats,
+    pushes: Floats,
     dt_s: float,
 ) -> Floats:
     """Motion (n, 12) by the columns above, of steering, speed, its rate, 1/friction^2, wind, bank and grade (n,).
@@ -134,8 +135,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     `AY` is v_y' + r v, m/s^2; `ROLL` and `PITCH` are the body's on the road; `DELTA` is the angle of the front wheels.
     `LEANS` is what the tyres do of it, which leans the body; of what leans it `lean_mps2` (n,) is told, which has
     `lean_share` of the tyres' in it. `front_free`, `rear_free` (n,): what drive and brakes leave of an axle's side
-    force. `front_mps` (n,) or (0,): what the front axle rolls, along its wheels, where that tells the speed; `v_mps` is
-    then what is near it, for its course between two steps.
+    force. `pushes` (n, 2): what pushes at the C.G., N, and turns the car, N m, and has no name. `front_mps` (n,) or
+    (0,): what the front axle rolls, along its wheels, where that tells the speed; `v_mps` is then what is near it, for
+    its course between two steps.
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
@@ -196,8 +198,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, tan)
             scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
-            ay = (rear + outside + scrub_n + steered) * per_kg
-            r_rate = (car.wind_ahead_m * side_n[i] + scrub_nm - rear * lr + steered * lf) * per_kgm2
+            ay = (rear + outside + scrub_n + steered + pushes[i, 0]) * per_kg
+            turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear * lr + steered * lf + pushes[i, 1]
+            r_rate = turning * per_kgm2
         row = rows[i]
         # A hasty simulation shows the force of this moment's steering on motion that is half a step behind it.
         ahead = 0.0
@@ -244,7 +247,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         cos, sin = cos_of(delta_mid), sin_of(delta_mid)
         steered = front_mid * cos + _pulled(car, front_mid, along, sin, sin / cos)
         scrub_n, scrub_nm = _scrubbed(car, heading, r_mid * per_v, sin)
-        vy += dt_s * ((rear_mid + outside + scrub_n + steered) * per_kg - r_mid * v_mid)
-        turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear_mid * lr + steered * lf
+        vy += dt_s * ((rear_mid + outside + scrub_n + steered + pushes[i, 0]) * per_kg - r_mid * v_mid)
+        turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear_mid * lr + steered * lf + pushes[i, 1]
         r += dt_s * turning * per_kgm2
     return rows

@@ -18,6 +18,7 @@ from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
+from dsz_daemon.diagnose.winds import follows_the_car
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
@@ -47,7 +48,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether an effect is what it can't be, or a told parameter at the end of what is plausible: something else is."""
     if effect == "sensor_saturation" and (_reads_beyond(drive, fit) or _slides(drive, fit)):
         return True
-    if effect == "side_wind" and (_lulls(drive, fit) or _pushes_an_axle(drive, fit) or _is_a_bank_unfelt(drive, fit)):
+    if effect == "side_wind" and _is_no_wind(drive, fit):
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
@@ -103,6 +104,12 @@ def _ends(drive: Drive, fit: Fit, effect: str) -> bool:
         told.append(abs(fit.x[i]) > _TOLD * fit.std[fit.columns.index(i)])
     pairs = list(zip(at_end, told, strict=True))
     return any(end and sure for end, sure in pairs) or (any(at_end) and not any(told))
+
+
+def _is_no_wind(drive: Drive, fit: Fit) -> bool:
+    """Whether what pushes is of the car, or of the road."""
+    by_place = _lulls(drive, fit) or _pushes_an_axle(drive, fit) or _is_a_bank_unfelt(drive, fit)
+    return by_place or follows_the_car(drive, fit.x, fit.road)
 
 
 def _lulls(drive: Drive, fit: Fit) -> bool:

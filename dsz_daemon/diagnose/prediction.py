@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Vocabulary
 from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, low_passed, rolled, side_by_side
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
+from dsz_daemon.diagnose.own_courses import pushed_by, turned_by
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
 from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
@@ -48,7 +49,7 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"wheel_growth", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
+    | {"steering_lag", "wheel_growth", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
     | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
     | {"small_wheels", "unturned_wheels"}
 )
@@ -176,7 +177,8 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
     model = car_of(drive, x)
     given = (rolls.steer_rad, rolls.v_mps, rolls.v_rate, rolls.front_mps, road.grip, road.side_n)
     leaning = (road.bank_rad, road.grade_rad, road.lean_mps2)
-    m = moved(model, *given, *leaning, road.lean_share, rolls.front_free, rolls.rear_free, DT_S)
+    pushes = pushed_by(drive.vocabulary, x, len(drive.steer))
+    m = moved(model, *given, *leaning, road.lean_share, rolls.front_free, rolls.rear_free, pushes, DT_S)
     v, v_rate = rolls.v_mps, rolls.v_rate
     if drive.front_gives_speed:
         v = m[:, motion.SPEED].copy()
@@ -213,7 +215,7 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
     front_track_m = car.front_track_m * (1.0 + at("front_track_m") + at("track_width.front"))
     return CarModel(
         car.mass_kg * (1.0 + at("mass_kg")) + added,
-        car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2"))
+        car.yaw_inertia_kgm2 * (1.0 + at("yaw_inertia_kgm2") + at("yaw_inertia.share"))
         + at("mass_loading.turns") * inertia_of_a_load_kgm2(car, added, shift),
         lf,
         lr,
@@ -256,12 +258,14 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
         hand = np.abs(steer) * drive.steering_ratio
         steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
+    if at("steering_lag.time_constant_s") > 0.0:
+        steer = followed(steer.reshape(-1, 1), at("steering_lag.time_constant_s"), DT_S)[:, 0]
     late_s = at("steering_delay.delay_s") + at("steering_skew_s")
     steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
     if at("large_angles") != 0.0:
         # An angle for its sine, or for its tangent.
         steer = steer + at("large_angles") * (steer * steer * steer)
-    steer = steer + _own_turn(drive, x)
+    steer = steer + turned_by(drive.vocabulary, x)
     radii = np.array([1.0 + at(f"wheel_radius.{wheel}") for wheel in _WHEELS])
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
     wheels = as_they_roll(drive.wheels, x)
@@ -271,16 +275,6 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     aside = at("drive_steer"), at("brake_steer"), at("steers_by_force")
     by_front, front = drive.front_gives_speed, (at("small_wheels"), at("unturned_wheels"))
     return rolling(drive.car, steer, rolled_mps, by_front, slip, ellipse, road.grade_rad, aside, front)
-
-
-def _own_turn(drive: Drive, x: Floats) -> Floats | float:
-    """By what the front wheels turn further (n,), of what has no name."""
-    turn: Floats | float = 0.0
-    for effect in drive.vocabulary.own():
-        # On another drive (a manoeuvre) there is no such course, and nothing turns by it.
-        if effect.steers is not None and (k := float(x[drive.vocabulary.columns_of(effect.name)[0]])) != 0.0:
-            turn = turn + k * effect.steers
-    return turn
 
 
 def of_roll(x: Floats) -> Floats:

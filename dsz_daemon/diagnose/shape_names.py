@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-SHAPE, STEERING = ": k*", "steering"
-# What a turn of the front wheels shows in.
-_SHOWN_BY_STEERING = {"gyro_z", "accel_y"}
+SHAPE, STEERING, REAR, MOMENT, TYRES = ": k*", "steering", "rear steering", "yaw moment", "tyres"
+# Where what a car does may enter, and what that shows in.
+_OF_THE_CAR, _SHOWN_BY_IT = frozenset({STEERING, REAR, MOMENT, TYRES}), {"gyro_z", "accel_y"}
 
 
 def is_shape(effect: str) -> bool:
@@ -17,4 +17,9 @@ def is_shape(effect: str) -> bool:
 def with_shapes(effects: Collection[str]) -> set[str]:
     """The channels of which something without a name is in the model."""
     places = {effect.partition(SHAPE)[0] for effect in effects if is_shape(effect)}
-    return (places - {STEERING}) | (_SHOWN_BY_STEERING if STEERING in places else set())
+    return (places - _OF_THE_CAR) | (_SHOWN_BY_IT if places & _OF_THE_CAR else set())
+
+
+def is_of_the_car(effect: str) -> bool:
+    """Whether it is one without a name that a car does, and no sensor."""
+    return is_shape(effect) and effect.partition(SHAPE)[0] in _OF_THE_CAR

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_beside import another_course
-from dsz_daemon.diagnose.shape_names import STEERING, is_shape, with_shapes
+from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape, with_shapes
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.without import slopes_at, surely_without, without
@@ -65,7 +65,7 @@ def _share_of(drive: Drive, effect: str, other: str) -> float:
     if is_shape(effect) == is_shape(other):
         return 0.0
     shape, name = (effect, other) if is_shape(effect) else (other, effect)
-    if shape.startswith(STEERING):
+    if is_of_the_car(shape):
         if name == "steering_ratio" and _OF_THE_HAND in shape:
             return _SHARE_OF_HAND
         is_alike = drive.vocabulary.described(name).touches == CAR or name in _PLACE_AND_TIME

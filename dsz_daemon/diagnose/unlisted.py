@@ -93,6 +93,7 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "ay*|ay|": (side * np.abs(side), "m2/s4"),
         "vx*ay": (v * side, "m2/s3"),
         "ax*ay": (v_rate * side, "m2/s4"),
+        "r": (r, "rad/s"),
         "|r|": (np.abs(r), "rad/s"),
         "r^2": (r * r, "rad2/s2"),
         "r*|r|": (r * np.abs(r), "rad2/s2"),
@@ -105,8 +106,11 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
 
 
 def is_named(shape: str, channel: str) -> bool:
-    """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's."""
-    return shape == "delta" and channel in {"gyro_z", "accel_y"}
+    """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's.
+
+    And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none.
+    """
+    return (shape == "delta" and channel in {"gyro_z", "accel_y"}) or (shape == "r" and channel.startswith("gyro"))
 
 
 def best_shape(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> Found | None:
@@ -212,7 +216,7 @@ def wheel_shapes(drive: Drive, fit: Fit) -> list[Shape]:
 
 
 def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
-    """What all wheels show alike, or all of the IMU, where it gains enough to be `told`."""
+    """What all wheels show alike, all of the IMU, or the whole car, where it gains enough to be `told`."""
     found = list[Shape]()
     if "wheel_growth" in told:
         value, std = values_of(drive, fit, "wheel_growth")["per_v2"]
@@ -223,6 +227,14 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         there = [c for c in range(len(IMU_CHANNELS)) if np.isfinite(drive.measured[:, c]).any()]
         late = Coefficient(value, std, "s/s of lateness")
         found += [Shape(IMU_CHANNELS[c], "later by k*t", late, 1.0) for c in there]
+    if "yaw_inertia" in told:
+        value, std = values_of(drive, fit, "yaw_inertia")["share"]
+        whole = drive.car.yaw_inertia_kgm2
+        found.append(Shape("gyro_z", "k*r'", Coefficient(whole * value, whole * std, "kg m2 of yaw inertia"), 1.0))
+    if "steering_lag" in told:
+        value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]
+        late = Coefficient(-value, std, "rad/(rad/s) of the front wheels")
+        found.append(Shape("gyro_z", "k*delta'", late, 1.0))
     return found
 
 

@@ -9,10 +9,10 @@ from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import noises
+from dsz_daemon.diagnose.comparison import BLOCK_S, FOLDS, noises
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.motion import CarModel
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, car_of, in_time, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, car_of, driven, in_time, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, sharp_kernel
 
 # A wind changes over seconds; what is quicker is mostly the accelerometer's noise. A push would bring it into the yaw
@@ -28,6 +28,10 @@ _WIND_LEANS = INDEX["side_wind.leans"]
 _LEAST_ARM_M = 0.1
 # Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
 _ON_THE_BODY = 0.5
+# A wind knows nothing of the road: of its power what follows the car's own turning of the last seconds, on blocks that
+# have not been seen. Winds that there were had up to 0.35 of it, a liquid that goes to and fro 0.67 and 0.80.
+_FOLLOWS, _LATER_S, _EVERY_ROWS, _RIDGE = 0.5, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), 20, 1e-3
+_ENOUGH = 200
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_kernel(1.5)
 
@@ -94,6 +98,25 @@ def _push_n(car: CarModel, across_mps2: Floats, v_mps: Floats, dt_s: float) -> F
         vy += dt_s * ((front + rear + push[i]) / car.mass_kg - r_mid * v)
         r += dt_s * (front * lf - rear * lr + ahead_m * push[i]) / car.yaw_inertia_kgm2
     return push
+
+
+def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
+    """Whether a wind is what the car's own lateral acceleration and yaw rate were just before: then it is none."""
+    moving = driven(drive, x, road)
+    rolling = np.flatnonzero(moving.v_mps > motion.ROLLING_MPS)[::_EVERY_ROWS]
+    if len(rolling) < _ENOUGH:
+        return False
+    courses = [filtered(moving.moved[:, c], _GUSTS) for c in (motion.AY, motion.R)]
+    before = [np.maximum(rolling - round(late_s / DT_S), 0) for late_s in _LATER_S]
+    table = np.column_stack([course[at] for course in courses for at in before])
+    table = (table - np.mean(table, axis=0)) / np.maximum(np.std(table, axis=0), 1e-12)
+    side_n = road.side_n[rolling] - np.mean(road.side_n[rolling])
+    fold, left_n = (rolling * DT_S // BLOCK_S).astype(np.int64) % FOLDS, side_n.copy()
+    for k in range(FOLDS):
+        seen, own = table[fold != k], table[fold == k]
+        squares = seen.T @ seen + _RIDGE * len(seen) * np.eye(table.shape[1])
+        left_n[fold == k] -= own @ np.linalg.solve(squares, seen.T @ side_n[fold != k])
+    return float(left_n @ left_n) < (1.0 - _FOLLOWS) * float(side_n @ side_n)
 
 
 def by_the_lean(x: Floats) -> bool:

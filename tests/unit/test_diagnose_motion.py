@@ -35,6 +35,7 @@ def driven(car: CarModel, v: float, steer: np.ndarray, **changed: np.ndarray | f
         "lean_share": 0.0,
         "front_free": np.ones(len(T)),
         "rear_free": np.ones(len(T)),
+        "pushes": np.zeros((len(T), 2)),
     } | changed
     return moved(car, steer, np.full(len(T), v), *inputs.values(), DT_S)
 

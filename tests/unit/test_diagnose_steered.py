@@ -8,29 +8,55 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import steered as steered_module
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.beside import taken_beside
+from dsz_daemon.diagnose.car_courses import Course, as_effect_of_the_car, courses_of
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.effect_row import Effect
 from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, of_roll, predicted
+from dsz_daemon.diagnose.own_courses import pushed_by
+from dsz_daemon.diagnose.prediction import Drive, Moving, car_of, driven, flat, nothing, of_roll, predicted
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.shape_names import with_shapes
+from dsz_daemon.diagnose.shape_names import MOMENT, REAR, STEERING, TYRES, is_of_the_car, with_shapes
 from dsz_daemon.diagnose.smaller import asked_of
-from dsz_daemon.diagnose.steered import as_steering, courses_of, steered_shape
+from dsz_daemon.diagnose.steered import steered_shape
 from dsz_daemon.diagnose.unlisted import as_effect, unlisted
 
 RATIO = 16.0
 STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"
 
 
+def as_steering(name: str, values: np.ndarray, unit: str) -> Effect:
+    """A course of the front wheels, which asks nothing of the car."""
+    level = drive({}, CITY_V, CITY_STEER)
+    return as_effect_of_the_car(Course(STEERING, name, values, unit), moves(level), car_of(level, nothing()))
+
+
+def moves(level: Drive) -> Moving:
+    return driven(level, nothing(), flat(N))
+
+
+def values_of_courses(moving: Moving, hand_rad: np.ndarray, steer_rad: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
+    return {(one.place, one.name): one.values for one in courses_of(moving, hand_rad, steer_rad)}
+
+
 def turned(course: str, k: float, steer: np.ndarray = CITY_STEER) -> Drive:
     """A car whose front wheels turn by k times the course more than is recorded."""
-    level = drive({}, CITY_V, steer)
-    moving = driven(level, nothing(), flat(N))
-    values, _ = courses_of(moving, steer * RATIO, steer)[course]
+    values = values_of_courses(moves(drive({}, CITY_V, steer)), steer * RATIO, steer)[STEERING, course]
     return drive({}, CITY_V, steer + k * values)._replace(steer=steer)
+
+
+def pushed(place: str, course: str, k: float, v: np.ndarray = CITY_V) -> Drive:
+    """A car that does k times the course more, of its own motion without it, and noise."""
+    level = drive({}, v, CITY_STEER)
+    there = {(one.place, one.name): one for one in courses_of(moves(level), CITY_STEER * RATIO, CITY_STEER)}
+    effect = as_effect_of_the_car(there[place, course], moves(level), car_of(level, nothing()))
+    more = level._replace(vocabulary=vocabulary((effect,)))
+    change = predicted(more, np.append(nothing(), k), flat(N)) - predicted(level, nothing(), flat(N))
+    return level._replace(measured=level.measured + change)
 
 
 @pytest.mark.parametrize(
@@ -56,9 +82,8 @@ def test_a_hand_wheel_that_turns_far_tells_a_sensor_off_its_centre_from_a_ratio(
     one = turned("sin(hand)", 0.006, 2.5 * CITY_STEER)
     found = searched(one, rows_of(one), TOLERANCE)
     assert found.best.effects == ("steering: k*sin(hand)",)
-    moving = driven(one, nothing(), flat(N))
-    assert "sin(hand)" not in courses_of(moving, CITY_STEER * RATIO, CITY_STEER)
-    assert "sin(2*hand)" not in courses_of(moving, CITY_STEER * RATIO, CITY_STEER)
+    there = {name for _, name in values_of_courses(moves(one), CITY_STEER * RATIO, CITY_STEER)}
+    assert not {"sin(hand)", "sin(2*hand)"} & there
 
 
 @pytest.mark.parametrize(
@@ -176,18 +201,103 @@ def test_its_slope_is_that_of_the_car_it_steers() -> None:
 
 
 def test_the_equation_is_that_of_its_words() -> None:
+    moving = moves(drive({}, CITY_V, CITY_STEER))
+    v, side, r = moving.v_mps, moving.moved[:, motion.AY], moving.moved[:, motion.R]
+    found = values_of_courses(moving, 2.0 * np.ones(N), CITY_STEER)
+    minutes = np.arange(N) / 6000.0
+    expected = {
+        (STEERING, "vx^2"): v**2,
+        (STEERING, "vx*delta"): v * CITY_STEER,
+        (STEERING, "vx*vy"): v * moving.moved[:, motion.VY],
+        (STEERING, "ay*|ay|"): np.sign(side) * side**2,
+        (STEERING, "(1-cos(hand))"): np.full(N, 1.0 - np.cos(2.0)),
+        (STEERING, "(1-cos(2*hand))"): np.full(N, 1.0 - np.cos(4.0)),
+        (STEERING, "sin(hand)"): np.full(N, np.sin(2.0)),
+        (STEERING, "sin(2*hand)"): np.full(N, np.sin(4.0)),
+        (REAR, "delta"): CITY_STEER,
+        (REAR, "vx*delta"): v * CITY_STEER,
+        (REAR, "sign(ay)"): np.tanh(side),
+        (MOMENT, "sign(r)"): np.tanh(r / 0.06),
+        (TYRES, "t"): minutes,
+        (TYRES, "exp(-t/60 s)"): np.exp(-minutes),
+    }
+    by_drive = {(MOMENT, f"ax*ay where ax {sign} 0") for sign in "<>"}
+    assert set(found) == set(expected) | by_drive
+    for key, values in expected.items():
+        np.testing.assert_allclose(found[key], values, rtol=1e-12, atol=1e-12)
+    driven_on, braked = found[MOMENT, "ax*ay where ax > 0"], found[MOMENT, "ax*ay where ax < 0"]
+    assert np.all(driven_on * side >= 0.0)
+    assert np.all(braked * side <= 0.0)
+    smooth = slice(200, -200)
+    np.testing.assert_allclose((driven_on + braked)[smooth], (moving.v_rate * side)[smooth], atol=0.02)
+
+
+def test_what_pushes_is_a_force_and_a_moment_of_its_place() -> None:
+    """Rear wheels by C_r at l_r behind, a moment by itself, all tyres each at its axle: with k once, in N and N m."""
     level = drive({}, CITY_V, CITY_STEER)
-    moving = driven(level, nothing(), flat(N))
-    v, side = moving.v_mps, moving.moved[:, motion.AY]
-    found = courses_of(moving, 2.0 * np.ones(N), CITY_STEER)
-    np.testing.assert_allclose(found["vx^2"][0], v**2)
-    np.testing.assert_allclose(found["vx*delta"][0], v * CITY_STEER)
-    np.testing.assert_allclose(found["vx*vy"][0], v * moving.moved[:, motion.VY])
-    np.testing.assert_allclose(found["ay*|ay|"][0], np.sign(side) * side**2)
-    np.testing.assert_allclose(found["(1-cos(hand))"][0], 1.0 - np.cos(2.0))
-    np.testing.assert_allclose(found["(1-cos(2*hand))"][0], 1.0 - np.cos(4.0))
-    np.testing.assert_allclose(found["sin(hand)"][0], np.sin(2.0))
-    np.testing.assert_allclose(found["sin(2*hand)"][0], np.sin(4.0))
+    moving, car = moves(level), car_of(level, nothing())
+    values = 0.01 * np.sin(np.arange(N) / 100.0)
+    front_n = moving.moved[:, motion.FRONT_N]
+    rear_n = car.mass_kg * moving.moved[:, motion.AY] - front_n
+    lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
+    expected = {
+        REAR: (car.rear_stiffness * values, -lr * car.rear_stiffness * values),
+        MOMENT: (np.zeros(N), values),
+        TYRES: (values * (front_n + rear_n), values * (lf * front_n - lr * rear_n)),
+    }
+    for place, (side_n, turning_nm) in expected.items():
+        effect = as_effect_of_the_car(Course(place, "c", values, ""), moving, car)
+        assert (effect.steers, effect.name) == (None, f"{place}: k*c")
+        push = pushed_by(vocabulary((effect,)), np.append(nothing(), 2.0), N)
+        np.testing.assert_allclose(push, 2.0 * np.column_stack([side_n, turning_nm]), rtol=1e-12)
+        assert is_of_the_car(effect.name)
+        assert with_shapes([effect.name]) == {"gyro_z", "accel_y"}
+    assert not is_of_the_car("gyro_z: k*c")
+    assert not is_of_the_car("steering_ratio")
+
+
+def test_a_push_turns_and_moves_the_car_as_newton_has_it() -> None:
+    """From straight ahead, before tyres answer: a_y = F / m, r' = M / I."""
+    level = drive({}, CITY_V, np.zeros(N))
+    car = car_of(level, nothing())
+    push = np.zeros((N, 2))
+    push[100] = 500.0, 700.0
+    row = Effect("own", "", "", "car", as_steering("c", CITY_V, "").parameters, pushes=push)
+    more = level._replace(vocabulary=vocabulary((row,)))
+    moved = driven(more, np.append(nothing(), 1.0), flat(N)).moved
+    assert moved[100, motion.AY] == pytest.approx(500.0 / car.mass_kg)
+    assert moved[100, motion.R_RATE] == pytest.approx(700.0 / car.yaw_inertia_kgm2)
+    # Over one step, but for what the tyres hold against it in its second half.
+    assert moved[101, motion.R] == pytest.approx(0.01 * 700.0 / car.yaw_inertia_kgm2, rel=0.15)
+    assert moved[101, motion.VY] == pytest.approx(0.01 * 500.0 / car.mass_kg, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("place", "course", "k"),
+    [
+        (REAR, "delta", -0.1),
+        (REAR, "vx*delta", 0.008),
+        (MOMENT, "sign(r)", -800.0),
+        (MOMENT, "ax*ay where ax > 0", 400.0),
+        (TYRES, "exp(-t/60 s)", -0.4),
+    ],
+)
+def test_what_a_car_does_without_a_name_is_told_by_where_and_what(place: str, course: str, k: float) -> None:
+    one = pushed(place, course, k)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert found.best.effects == (f"{place}: k*{course}",)
+    [shape] = unlisted(found.drive, found.rows, found.best, found.shapes)
+    assert (shape.channel, shape.shape) == ("gyro_z", f"k*{course}")
+    assert shape.coefficient.value == pytest.approx(k, rel=0.1)
+
+
+@pytest.mark.parametrize(("gain", "shapes"), [(19.0, 0), (21.0, 1)])
+def test_what_a_car_does_without_a_name_is_told_where_it_gains_as_names_have_to(gain: float, shapes: int) -> None:
+    one = turned("vx^2", 2e-5)
+    found = searched(one, rows_of(one), TOLERANCE)
+    told = answered(found._replace(gains={STEERS: gain}))
+    assert len(told.unlisted) == shapes
+    assert told.verdict == ("unexplained" if shapes else "consistent")
 
 
 @pytest.mark.parametrize(

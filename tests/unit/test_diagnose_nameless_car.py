@@ -1,0 +1,128 @@
+"""A yaw inertia that is another, front wheels that lag, an accelerometer that feels a turn: each is what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.diagnose.another_car import NUMBERS
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.motion import AY, R
+from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.unlisted import is_named, library
+from dsz_daemon.diagnose.winds import follows_the_car
+
+# Quick enough that inertia shows.
+QUICK_STEER = CITY_STEER + 0.01 * np.sin(2.0 * np.pi * 0.9 * T)
+
+
+@pytest.mark.parametrize("share", [0.4, -0.25])
+def test_a_yaw_inertia_that_is_another_is_said_as_that(share: float) -> None:
+    """Of a drive whose car was configured with it, and is diagnosed as if it had the usual one."""
+    one = drive({}, CITY_V, QUICK_STEER)
+    heavy = one.car._replace(yaw_inertia_kgm2=one.car.yaw_inertia_kgm2 * (1.0 + share))
+    made = drive_of(one.recording, heavy, 16.0)
+    change = predicted(made, nothing(), flat(N)) - predicted(one, nothing(), flat(N))
+    told = answered(found(one._replace(measured=one.measured + change)))
+    assert told.causes == []
+    [shape] = told.unlisted
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == ("gyro_z", "k*r'", "kg m2 of yaw inertia")
+    assert shape.coefficient.value == pytest.approx(share * one.car.yaw_inertia_kgm2, rel=0.1)
+    [error] = [error for error in told.parameter_errors if error.parameter == "yaw_inertia_kgm2"]
+    assert error.fitted == pytest.approx(heavy.yaw_inertia_kgm2, rel=0.05)
+    assert error.configured == one.car.yaw_inertia_kgm2
+
+
+def test_a_yaw_inertia_is_one_number_however_it_is_free() -> None:
+    """With a tolerance of its own beside it there is one of the two."""
+    one = drive({"yaw_inertia.share": 0.3}, CITY_V, QUICK_STEER)
+    start = nothing()
+    start[INDEX["yaw_inertia_kgm2"]] = 0.2
+    fit = fitted(one, rows_of(one), start, ("yaw_inertia",), {**TOLERANCE, "yaw_inertia_kgm2": 0.5})
+    assert INDEX["yaw_inertia_kgm2"] not in fit.columns
+    assert fit.x[INDEX["yaw_inertia_kgm2"]] == 0.0
+    assert fit.x[INDEX["yaw_inertia.share"]] == pytest.approx(0.3, abs=0.03)
+    assert "yaw_inertia" in NUMBERS
+    x = nothing()
+    x[INDEX["yaw_inertia.share"]] = 0.5
+    assert car_of(one, x).yaw_inertia_kgm2 == pytest.approx(1.5 * one.car.yaw_inertia_kgm2)
+
+
+def lagging(time_constant_s: float) -> Drive:
+    """A car whose front wheels follow by a first order (scipy's filter), and a recording of the hand wheel."""
+    keep = np.exp(-DT_S / time_constant_s)
+    wheels = lfilter([1.0 - keep], [1.0, -keep], QUICK_STEER, zi=[keep * QUICK_STEER[0]])[0]
+    return drive({}, CITY_V, wheels)._replace(steer=QUICK_STEER)
+
+
+def test_front_wheels_that_lag_are_neither_a_slow_imu_nor_late_wheels() -> None:
+    told = answered(found(lagging(0.06)))
+    assert told.causes == []
+    [shape] = told.unlisted
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == (
+        "gyro_z",
+        "k*delta'",
+        "rad/(rad/s) of the front wheels",
+    )
+    # The filter above holds each value for a row, which is half a row more.
+    assert shape.coefficient.value == pytest.approx(-0.06, abs=0.006)
+
+
+def test_what_lags_is_known_before_the_car_moves() -> None:
+    one = drive({}, CITY_V, QUICK_STEER)
+    x = nothing()
+    x[INDEX["steering_lag.time_constant_s"]] = 0.1
+    steer = rolls_of(one, x, flat(N)).steer_rad
+    # T delta' + delta = hand, in the middle of the drive.
+    inside = slice(200, N - 200)
+    back = steer + 0.1 * np.gradient(steer, DT_S)
+    np.testing.assert_allclose(back[inside], QUICK_STEER[inside], atol=2e-4)
+    assert np.max(np.abs(steer - QUICK_STEER)) > 2e-3
+
+
+def test_an_accelerometer_that_feels_a_turn_is_told_by_that() -> None:
+    def feels(one: Drive) -> None:
+        one.measured[:, 4] += 0.5 * driven(one, nothing(), flat(N)).moved[:, R]
+
+    told = answered(found(drive({}, CITY_V, CITY_STEER, change=feels)))
+    assert told.causes == []
+    [shape] = told.unlisted
+    assert (shape.channel, shape.shape) == ("accel_y", "k*r")
+    assert shape.coefficient.value == pytest.approx(0.5, rel=0.05)
+    # What one gyro shows of another is a leak.
+    assert is_named("r", "gyro_x")
+    assert not is_named("r", "accel_x")
+    one = drive({}, CITY_V, CITY_STEER)
+    moving = driven(one, nothing(), flat(N))
+    np.testing.assert_array_equal(library(moving, CITY_STEER)["r"][0], moving.moved[:, R])
+
+
+def slow_noise_n(seed: int) -> np.ndarray:
+    """500 N rms that change over seconds."""
+    kernel = np.exp(-0.5 * (np.arange(-300, 301) * DT_S / 1.0) ** 2)
+    noise = np.convolve(np.random.default_rng(seed).normal(size=N), kernel, "same")
+    return np.asarray(500.0 * noise / np.std(noise))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wind_does_not_follow_the_car(seed: int) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    wind = flat(N)._replace(side_n=slow_noise_n(seed))
+    assert not follows_the_car(one, nothing(), wind)
+
+
+@pytest.mark.parametrize(("late_s", "share", "follows"), [(0.0, 0.8, True), (1.5, 0.8, True), (1.0, 0.2, False)])
+def test_what_goes_to_and_fro_in_a_car_does(late_s: float, share: float, follows: bool) -> None:
+    """A force that is the car's lateral acceleration some time before, by a `share` of its power."""
+    one = drive({}, CITY_V, CITY_STEER)
+    side = driven(one, nothing(), flat(N)).moved[:, AY]
+    late = np.interp(T - late_s, T, side)
+    pushes = np.sqrt(share) * 500.0 * late / np.std(late) + np.sqrt(1.0 - share) * slow_noise_n(7)
+    assert follows_the_car(one, nothing(), flat(N)._replace(side_n=pushes)) is follows
