@@ -90,14 +90,14 @@ def searched(
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
     nominal = _refitted(drive, rows, tolerance, each)
-    best, rivals = nominal, {}
-    gains: dict[str, float] = {}
+    best, rivals, gains = nominal, {}, dict[str, float]()
     elsewhere: dict[str, dict[str, float]] = {}
     shapes: list[Found] = []
     refused, waits, known = set[str](), frozenset[str](), None
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS:
             break
+        best = _drawn(drive, rows, best, tolerance, each)
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         screening = screened(drive, rows, best, tolerance, each, known)
         trial = Trial(drive, rows, best, tolerance, screening.known)
@@ -219,10 +219,17 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
 def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
     """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
     nominal = fitted(drive, rows, untold(nothing(drive.vocabulary), drive.steer), (), tolerance, _WELL, each)
-    if (drawn := as_drawn(nominal.x)) is not None:
-        nominal = fitted(drive, rows, drawn, (), tolerance, _WELL, each)
+    nominal = _drawn(drive, rows, nominal, tolerance, each)
     pulled = by_force(nominal.x, nominal.std, nominal.columns)
     return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
+
+
+def _drawn(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each) -> Fit:
+    """The model with front wheels that roll one way or another, as soon as that is told."""
+    drawn = as_drawn(fit.x, fit.std, fit.columns)
+    if drawn is None:
+        return fit
+    return fitted(drive, rows, drawn, fit.effects, tolerance, _WELL, each, felt=fit.felt)
 
 
 def _nameless(

@@ -91,35 +91,63 @@ def test_what_is_near_a_drawing_is_it_and_no_number_more(
     assert at[:2] == [small, unturned] if is_told else at[:2] == pytest.approx([small, unturned], abs=0.1)
 
 
+def near_to(x: np.ndarray, *spreads: float) -> np.ndarray | None:
+    """`as_drawn` of numbers that are told so well."""
+    return as_drawn(x, np.array(spreads), WHEELS)
+
+
 @pytest.mark.parametrize(
     ("small", "unturned", "drawing"),
     [
-        (0.2, -0.2, (0.0, 0.0)),
-        (0.8, 0.2, (1.0, 0.0)),
-        (-0.1, 1.2, (0.0, 1.0)),
-        (0.5, 0.8, (0.0, 1.0)),
+        (0.2, -0.2, (0.0, 0.0, 1.0)),
+        (0.8, 0.2, (1.0, 0.0, 1.0)),
+        (-0.1, 1.2, (0.0, 1.0, 0.0)),
+        (0.5, 0.8, (0.0, 1.0, 0.0)),
         (0.3, 0.0, None),
         (1.0, 0.3, None),
         (0.0, 0.7, None),
     ],
 )
-def test_which_drawing_is_near(small: float, unturned: float, drawing: tuple[float, float] | None) -> None:
+def test_which_drawing_is_near(small: float, unturned: float, drawing: tuple[float, float, float] | None) -> None:
     x = with_(small_wheels=small, unturned_wheels=unturned, wheels_apart=1.0, offset_gyro_z=0.1)
     assert told(x) == {WHEELS[2]}
-    near = as_drawn(x)
+    near = near_to(x, 0.1, 0.1, 0.1)
     assert (near is None) is (drawing is None)
     if near is not None:
-        assert tuple(near[list(WHEELS)]) == (*drawing, 1.0)
+        assert tuple(near[list(WHEELS)]) == drawing
         assert told(near) == set(WHEELS)
         assert near[INDEX["offset_gyro_z"]] == 0.1
 
 
-@pytest.mark.parametrize(("apart", "near"), [(-0.5, 0.0), (0.45, 0.0), (0.55, 1.0), (1.5, 1.0)])
-def test_wheels_are_turned_alike_or_not(apart: float, near: float) -> None:
-    found_near = as_drawn(with_(wheels_apart=apart))
-    assert found_near is not None
-    assert found_near[WHEELS[2]] == near
-    assert as_drawn(with_(wheels_apart=near)) is None
+def test_what_is_hardly_told_is_no_drawing_yet() -> None:
+    """Small angles and none at all are hardly told apart where little else is: then only the latter counts."""
+    x = with_(small_wheels=0.9, unturned_wheels=0.1)
+    assert near_to(x, 0.2, 0.2, 0.1) is not None
+    assert near_to(x, 0.3, 0.2, 0.1) is None
+    assert near_to(x, 0.2, 0.3, 0.1) is None
+    unturned = with_(small_wheels=0.9, unturned_wheels=0.9)
+    assert near_to(unturned, 9.0, 0.2, 0.1) is not None
+    assert near_to(unturned, 0.1, 0.3, 0.1) is None
+    # Nor is what is not fitted.
+    assert as_drawn(x, np.zeros(0), ()) is None
+
+
+@pytest.mark.parametrize(
+    ("apart", "spread", "near"),
+    [(-0.5, 0.4, 0.0), (0.45, 0.4, 0.0), (0.55, 0.4, 1.0), (1.5, 0.4, 1.0), (1.2, 0.6, None), (1.0, 0.4, None)],
+)
+def test_wheels_are_turned_alike_or_not(apart: float, spread: float, near: float | None) -> None:
+    drawn_so = near_to(with_(wheels_apart=apart), 0.1, 0.1, spread)
+    assert (None if drawn_so is None else drawn_so[WHEELS[2]]) == near
+
+
+@pytest.mark.parametrize("small", [0.0, 1.0])
+def test_how_wheels_are_drawn_is_told_beside_what_was_left_out(small: float) -> None:
+    """A ratio hides it at first; with that in the model it is one drawing, as of any other car."""
+    search = found(drive({"small_wheels": small, "steering_ratio.scale": -0.15}, SLOW_V, SHARP_STEER))
+    assert set(WHEELS) <= set(search.nominal.columns)
+    assert search.best.effects == ("steering_ratio",)
+    assert search.best.x[list(WHEELS)].tolist() == [small, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(("most_rad", "free"), [(0.075, 0), (0.085, 2), (0.145, 2), (0.155, 3)])
