@@ -32,8 +32,9 @@ def wind(of: Any, force_n: np.ndarray) -> Any:
 
 
 def test_wind_blows_all_the_way() -> None:
+    # Not as often as the car is steered: what follows that is no wind.
     one = drive({}, CITY_V, CITY_STEER)
-    gusts = 300.0 * np.sin(2.0 * np.pi * T / 7.0)
+    gusts = 300.0 * np.sin(2.0 * np.pi * T / 4.0)
     assert not is_implausible(one, rows_of(one), wind(one, gusts), "side_wind")
     # For a third of the way something pushes, and for the rest nothing does.
     assert is_implausible(one, rows_of(one), wind(one, np.where(T < 20.0, gusts, 0.02 * gusts)), "side_wind")
@@ -50,7 +51,7 @@ def test_wind_blows_all_the_way() -> None:
 def test_a_wind_may_lean_a_soft_body_as_it_likes(leans: float) -> None:
     """As its tyres do, or as a push at the C.G.'s height does: simulators draw either (decision 0045)."""
     one = drive({}, CITY_V, CITY_STEER)
-    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
+    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 4.0))
     fit.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]], fit.x[INDEX["side_wind.leans"]] = 0.015, leans
     assert not is_implausible(one, rows_of(one), fit, "side_wind")
 
@@ -58,7 +59,7 @@ def test_a_wind_may_lean_a_soft_body_as_it_likes(leans: float) -> None:
 @pytest.mark.parametrize(("share", "is_steered"), [(0.5, False), (0.7, True), (-0.5, False), (-0.7, True)])
 def test_what_pushes_an_axle_is_no_wind(share: float, is_steered: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)
-    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 7.0))
+    fit = wind(one, 300.0 * np.sin(2.0 * np.pi * T / 4.0))
     fit.x[INDEX["side_wind.ahead_m"]] = share * (TUCSON.cg_to_front_axle_m if share > 0 else TUCSON.cg_to_rear_axle_m)
     assert is_implausible(one, rows_of(one), fit, "side_wind") == is_steered
 
