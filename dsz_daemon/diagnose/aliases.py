@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
-from dsz_daemon.diagnose.effects import BUILT_IN, NAMELESS
+from dsz_daemon.diagnose.effects import BUILT_IN
 from dsz_daemon.diagnose.fit import SAME_TURN
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.rolling import rate_of

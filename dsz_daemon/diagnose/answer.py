@@ -12,7 +12,7 @@ from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, own_offsets
-from dsz_daemon.diagnose.effects import INDEX, NAMELESS, TOLERATED
+from dsz_daemon.diagnose.effects import INDEX, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
 from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE
@@ -22,6 +22,7 @@ from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value

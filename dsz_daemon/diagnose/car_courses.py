@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
-from dsz_daemon.diagnose.motion import AY, FRONT_N, VY, CarModel, R
+from dsz_daemon.diagnose.motion import AY, FRONT_N, ROLLING_MPS, VY, CarModel, R
 from dsz_daemon.diagnose.prediction import Floats, Moving
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.shape_names import MOMENT, REAR, SHAPE, STEERING, TYRES
@@ -20,8 +20,8 @@ from dsz_daemon.diagnose.shape_names import MOMENT, REAR, SHAPE, STEERING, TYRES
 _SOME_RAD, _MOST_RAD = 0.002, 0.5
 # Of smaller turns of the hand wheel its sine is the turn, which has a name.
 _TURNED_RAD = 1.5
-# A locked axle's moment is all there at a yaw rate of this, rad/s.
-_LOCKS_RADPS = 0.06
+# A locked axle's moment is all there at a yaw rate of this, rad/s; or in a bend of this, where its wheels slip enough.
+_LOCKS_RADPS, _LOCKS_PER_M = 0.06, 0.03
 # What is loose in an axle is at its end in a bend of this.
 _PLAYS_MPS2 = 1.0
 _MINUTE_S = 60.0
@@ -64,6 +64,7 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
         Course(MOMENT, "sign(r)", np.tanh(r / _LOCKS_RADPS), ""),
+        Course(MOMENT, "sign(r/vx)", np.tanh(r / np.maximum(v, ROLLING_MPS) / _LOCKS_PER_M), ""),
         Course(MOMENT, "ax*ay where ax > 0", np.maximum(v_rate, 0.0) * side, "m2/s4"),
         Course(MOMENT, "ax*ay where ax < 0", np.minimum(v_rate, 0.0) * side, "m2/s4"),
         Course(TYRES, "t", minutes, "min"),

@@ -23,6 +23,11 @@ class Parameter(NamedTuple):
     least: float
 
 
+def even(names: str, unit: str, step: float, most: float, least: float = 0.0) -> tuple[Parameter, ...]:
+    """One parameter for each of the names, plausible up to `most` either way."""
+    return tuple(Parameter(name, unit, step, -most, most, least) for name in names.split())
+
+
 class Motion(NamedTuple):
     """What the simulated car does, all (n,), for effects of one's own; `lateral_mps2` is v_y' + r v."""
 

@@ -10,12 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from dsz_daemon.diagnose.effect_row import CAR, SENSORS, WHEELS, Effect, Parameter
-
-
-def _even(names: str, unit: str, step: float, most: float, least: float = 0.0) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, unit, step, -most, most, least) for name in names.split())
-
+from dsz_daemon.diagnose.effect_row import CAR, SENSORS, WHEELS, Effect, Parameter, even
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
@@ -51,42 +47,42 @@ EFFECTS: tuple[Effect, ...] = (
         "The IMU is turned by {roll_rad:+.4f} rad in roll, {pitch_rad:+.4f} in pitch and {yaw_rad:+.4f} in yaw",
         "x = fx + yaw fy - pitch fz, y = fy - yaw fx + roll fz, z = fz + pitch fx - roll fy",
         SENSORS,
-        _even("roll_rad pitch_rad yaw_rad", "rad", 0.02, 0.3, 0.0015),
+        even("roll_rad pitch_rad yaw_rad", "rad", 0.02, 0.3, 0.0015),
     ),
     Effect(
         "gyro_scale",
         "The gyros' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
         "reading = (1 + k) rate",
         SENSORS,
-        _even("x y z", "1", 0.03, 0.25, 0.003),
+        even("x y z", "1", 0.03, 0.25, 0.003),
     ),
     Effect(
         "accel_scale",
         "The accelerometers' sensitivity is off by {x:+.2%}, {y:+.2%}, {z:+.2%} (x, y, z)",
         "reading = (1 + k) force",
         SENSORS,
-        _even("x y z", "1", 0.03, 0.25, 0.003),
+        even("x y z", "1", 0.03, 0.25, 0.003),
     ),
     Effect(
         "gyro_cross_axis",
         "One gyro axis leaks into another",
         "reading_i += k_ij rate_j",
         SENSORS,
-        _even(_LEAKS, "1", 0.02, 0.2, 0.002),
+        even(_LEAKS, "1", 0.02, 0.2, 0.002),
     ),
     Effect(
         "accel_cross_axis",
         "One accelerometer axis leaks into another",
         "reading_i += k_ij force_j",
         SENSORS,
-        _even(_LEAKS, "1", 0.02, 0.2, 0.002),
+        even(_LEAKS, "1", 0.02, 0.2, 0.002),
     ),
     Effect(
         "gyro_g_sensitivity",
         "Acceleration moves the gyros",
         "reading_i += k_ij force_j",
         SENSORS,
-        _even(_NINE, "(rad/s)/(m/s2)", 1e-3, 0.02, 3e-5),
+        even(_NINE, "(rad/s)/(m/s2)", 1e-3, 0.02, 3e-5),
     ),
     Effect(
         "bias_drift",
@@ -94,8 +90,8 @@ EFFECTS: tuple[Effect, ...] = (
         "reading += k T (1 - exp(-f t)) / (1 - exp(-f T)), of all of T k T",
         SENSORS,
         (
-            *_even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6),
-            *_even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
+            *even("gyro_x gyro_y gyro_z", "rad/s/s", 3e-5, 3e-3, 3e-6),
+            *even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
             Parameter("fades_per_s", "1/s", 0.01, -0.02, 0.07, math.inf),
         ),
     ),
@@ -175,14 +171,14 @@ EFFECTS: tuple[Effect, ...] = (
         "Wheel radii are {fl:.4f}, {fr:.4f}, {rl:.4f}, {rr:.4f} of what is configured (front left to rear right)",
         "v = (1 + k) r omega",
         WHEELS,
-        _even("fl fr rl rr", "1", 0.01, 0.15, 8e-4),
+        even("fl fr rl rr", "1", 0.01, 0.15, 8e-4),
     ),
     Effect(
         "steering_offset",
         "Straight ahead is {offset_rad:+.4f} rad of road wheel away from the steering sensor's zero",
         "delta = delta_sensor / ratio + delta_0",
         CAR,
-        _even("offset_rad", "rad", 0.005, 0.1, 3e-4),
+        even("offset_rad", "rad", 0.005, 0.1, 3e-4),
     ),
     Effect(
         "steering_ratio",
@@ -232,7 +228,7 @@ EFFECTS: tuple[Effect, ...] = (
         "Tracks are {front:.3f} (front) and {rear:.3f} (rear) of what is configured",
         "v = v_x -+ r track / 2",
         WHEELS,
-        _even("front rear", "1", 0.05, 0.5, 0.01),
+        even("front rear", "1", 0.05, 0.5, 0.01),
     ),
     Effect(
         "sensor_saturation",
@@ -265,45 +261,6 @@ EFFECTS: tuple[Effect, ...] = (
     ),
 )
 
-# What may be there, and has no name: it is told as a shape. A wheel's speed that is off by more the faster it turns.
-NAMELESS = (
-    Effect(
-        "wheel_square",
-        "Wheel speeds are off by {fl:.1e}, {fr:.1e}, {rl:.1e}, {rr:.1e} of their squares (front left to rear right)",
-        "reading = omega r + k v^2",
-        WHEELS,
-        _even("fl fr rl rr", "s/m", 3e-4, 0.02, 2e-5),
-    ),
-    Effect(
-        "wheel_growth",
-        "All tyres' radii grow by {per_v2:.1e} of the square of the speed",
-        "reading = v / (1 + k v^2)",
-        CAR,
-        _even("per_v2", "s2/m2", 3e-6, 2e-4, 1e-6),
-    ),
-    Effect(
-        "imu_clock",
-        "The IMU's clock is off: its readings come later by {per_s:.1e} of the time",
-        "reading(t) = y(t - d - k t)",
-        SENSORS,
-        (Parameter("per_s", "s/s", 1e-4, -5e-3, 5e-3, 2e-5), Parameter("late_s", "s", 0.02, -0.5, 0.5, math.inf)),
-    ),
-    Effect(
-        "yaw_inertia",
-        "The yaw inertia is off by {share:.2f} of what is configured",
-        "(1 + k) I_z r' = M_z",
-        CAR,
-        (Parameter("share", "1", 0.1, -0.7, 2.0, 0.03),),
-    ),
-    Effect(
-        "steering_lag",
-        "The front wheels follow the hand wheel by {time_constant_s:.3f} s",
-        "T delta' = hand / ratio - delta",
-        CAR,
-        (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
-    ),
-)
-
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
 GUESSED = ("sensor_saturation", "low_friction")
 
@@ -328,13 +285,13 @@ ROAD = tuple(
 
 # Refitted before any effect is thought of: constant offsets, and configured parameters within their tolerance (shares).
 OFFSETS = (
-    *_even("offset_gyro_x offset_gyro_y offset_gyro_z", "rad/s", 0.01, 0.5),
-    *_even("offset_accel_x offset_accel_y offset_accel_z", "m/s2", 0.1, 5.0),
+    *even("offset_gyro_x offset_gyro_y offset_gyro_z", "rad/s", 0.01, 0.5),
+    *even("offset_accel_x offset_accel_y offset_accel_z", "m/s2", 0.1, 5.0),
 )
 TOLERATED = (
-    *_even("front_cornering_stiffness_n_per_rad rear_cornering_stiffness_n_per_rad", "1", 0.05, 1.0),
-    *_even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
-    *_even("front_track_m rear_track_m", "1", 0.02, 1.0),
+    *even("front_cornering_stiffness_n_per_rad rear_cornering_stiffness_n_per_rad", "1", 0.05, 1.0),
+    *even("mass_kg yaw_inertia_kgm2 cg_to_front_axle_m cg_to_rear_axle_m steering_ratio", "1", 0.02, 1.0),
+    *even("front_track_m rear_track_m", "1", 0.02, 1.0),
 )
 # Drawn with or without: a pull along steered wheels, small turns, wheels alike, load on tyres, sines, held inputs, and
 # wheels that roll as if they were turned by next to nothing, or by nothing; or each about where the car turns.
@@ -342,9 +299,9 @@ FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
-    *(*_even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *_even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
-    *_even("hasty_s", "s", 0.002, 0.005, math.inf),
-    *_even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 2e-2, math.inf),
+    *(*even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
+    *even("hasty_s", "s", 0.002, 0.005, math.inf),
+    *even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 2e-2, math.inf),
     Parameter("steers_by_force", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("small_wheels", "1", 0.5, -0.2, 1.2, math.inf),
     Parameter("unturned_wheels", "1", 0.5, -0.2, 1.2, math.inf),

@@ -184,7 +184,9 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         v = m[:, motion.SPEED].copy()
         v_rate = rate_of(v, DT_S)
     rear_track_m = drive.car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear"))
-    tracks_m = (model.front_track_m, rear_track_m)
+    apart = 1.0 - at("locked_axle.share")
+    is_front = drive.car.front_driven and not drive.car.rear_driven
+    tracks_m = (model.front_track_m * (apart if is_front else 1.0), rear_track_m * (1.0 if is_front else apart))
     wheels_mps = rolled(
         m,
         v,

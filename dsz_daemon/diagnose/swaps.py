@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
-from dsz_daemon.diagnose.effects import NAMELESS
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.trials import Step

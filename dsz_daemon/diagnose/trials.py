@@ -11,11 +11,12 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.effect_row import CAR
-from dsz_daemon.diagnose.effects import GUESSED, INDEX, NAMELESS
+from dsz_daemon.diagnose.effects import GUESSED, INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels

@@ -231,6 +231,13 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         value, std = values_of(drive, fit, "yaw_inertia")["share"]
         whole = drive.car.yaw_inertia_kgm2
         found.append(Shape("gyro_z", "k*r'", Coefficient(whole * value, whole * std, "kg m2 of yaw inertia"), 1.0))
+    if "locked_axle" in told:
+        value, std = values_of(drive, fit, "locked_axle")["share"]
+        is_front = drive.car.front_driven and not drive.car.rear_driven
+        half_m = 0.5 * (drive.car.front_track_m if is_front else drive.car.rear_track_m)
+        for side, sign in (("l", 1.0), ("r", -1.0)):
+            wheel = f"wheel_speed_{'f' if is_front else 'r'}{side}"
+            found.append(Shape(wheel, "k*r", Coefficient(sign * half_m * value, half_m * std, "(m/s)/(rad/s)"), 1.0))
     if "steering_lag" in told:
         value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]
         late = Coefficient(-value, std, "rad/(rad/s) of the front wheels")

@@ -6,9 +6,9 @@ import numpy as np
 
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.comparison import Each
-from dsz_daemon.diagnose.effects import NAMELESS
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import OWN_CHANNEL
+from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.search import Search

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from core_cases import TUCSON
 from scipy.signal import lfilter
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
@@ -11,7 +12,8 @@ from dsz_daemon.diagnose.another_car import NUMBERS
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
+from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.motion import AY, R
 from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
@@ -19,6 +21,8 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unlisted import is_named, library
 from dsz_daemon.diagnose.winds import follows_the_car
 
+# Round tight bends.
+SLOW_V, SHARP_STEER = 6.0 + 2.0 * np.sin(0.3 * T), 0.25 * np.sin(0.5 * T)
 # Quick enough that inertia shows.
 QUICK_STEER = CITY_STEER + 0.01 * np.sin(2.0 * np.pi * 0.9 * T)
 
@@ -85,6 +89,39 @@ def test_what_lags_is_known_before_the_car_moves() -> None:
     back = steer + 0.1 * np.gradient(steer, DT_S)
     np.testing.assert_allclose(back[inside], QUICK_STEER[inside], atol=2e-4)
     assert np.max(np.abs(steer - QUICK_STEER)) > 2e-3
+
+
+@pytest.mark.parametrize("by_front", [False, True])
+def test_an_axle_that_is_locked_turns_its_wheels_alike_and_the_car_less(by_front: bool) -> None:
+    """Both wheels of the driven axle at their mean speed, and what they drag: of slip in a bend, and no ratio."""
+    car = TUCSON._replace(front_driven=not by_front, rear_driven=by_front)
+    level = drive({}, SLOW_V, SHARP_STEER)
+    one = drive_of(level.recording, car, 16.0)
+    moving = driven(one, nothing(), flat(N))
+    slip = 0.5 * 1.6 * moving.moved[:, R] / moving.v_mps
+    drags = Effect("drags", "", "", CAR, (Parameter("k", "1", 1.0, -9.0, 9.0, 0.0),))
+    drags = drags._replace(pushes=np.column_stack([np.zeros(N), -900.0 * np.tanh(slip / 0.02)]))
+    made = one._replace(vocabulary=vocabulary((drags,)))
+    shown = predicted(made, np.append(nothing(), 1.0), flat(N))
+    # The driven axle's are those that do not give the speed.
+    assert one.front_gives_speed is by_front
+    shown[:, 6:8] = np.mean(shown[:, 6:8], axis=1, keepdims=True)
+    noise = level.measured - predicted(level, nothing(), flat(N))
+    there = found(one._replace(measured=shown + noise))
+    assert there.best.effects == ("locked_axle", "yaw moment: k*sign(r/vx)")
+    told = answered(there)
+    assert told.causes == []
+    shapes = {shape.channel: shape for shape in told.unlisted}
+    axle, track_m = ("r", car.rear_track_m) if by_front else ("f", car.front_track_m)
+    assert set(shapes) == {"gyro_z", f"wheel_speed_{axle}l", f"wheel_speed_{axle}r"}
+    # What the left one, which is the inner one of a left turn, has more.
+    assert shapes[f"wheel_speed_{axle}l"].coefficient.value == pytest.approx(0.5 * track_m, rel=0.02)
+    assert shapes[f"wheel_speed_{axle}r"].coefficient.value == pytest.approx(-0.5 * track_m, rel=0.02)
+    assert shapes["gyro_z"].coefficient.value == pytest.approx(-900.0, rel=0.1)
+
+
+def test_a_track_that_is_another_is_no_locked_axle() -> None:
+    assert found(drive({"track_width.front": -0.06}, CITY_V, CITY_STEER)).best.effects == ("track_width",)
 
 
 def test_an_accelerometer_that_feels_a_turn_is_told_by_that() -> None:

@@ -218,6 +218,7 @@ def test_the_equation_is_that_of_its_words() -> None:
         (REAR, "vx*delta"): v * CITY_STEER,
         (REAR, "sign(ay)"): np.tanh(side),
         (MOMENT, "sign(r)"): np.tanh(r / 0.06),
+        (MOMENT, "sign(r/vx)"): np.tanh(r / v / 0.03),
         (TYRES, "t"): minutes,
         (TYRES, "exp(-t/60 s)"): np.exp(-minutes),
     }
