@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
+from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven, predicted
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
@@ -91,7 +92,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     there = [shape for shape in found.shapes if not is_of_the_car(shape.effect.name) or shape.effect.name in sure]
     shapes = unlisted(found.drive, found.rows, found.best, there)
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
-    shapes += shapes_of_all(found.drive, found.best, sure)
+    shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     anything = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(

@@ -120,6 +120,19 @@ def test_an_axle_that_is_locked_turns_its_wheels_alike_and_the_car_less(by_front
     assert shapes["gyro_z"].coefficient.value == pytest.approx(-900.0, rel=0.1)
 
 
+@pytest.mark.parametrize(("share", "shapes"), [(0.04, 0), (0.06, 2)])
+def test_of_what_is_small_no_shape_is_told(share: float, shapes: int) -> None:
+    """However much it gains: of a locked axle a twentieth, which drawings of wheels may be."""
+    one = drive({"locked_axle.share": share}, SLOW_V, SHARP_STEER)
+    rows = rows_of(one)
+    x = nothing()
+    x[INDEX["locked_axle.share"]] = share
+    there = found(one)
+    best = fitted(one, rows, x, ("locked_axle",), TOLERANCE)
+    told = answered(there._replace(best=best, gains={"locked_axle": 500.0}, rivals={}, elsewhere={}, shapes=()))
+    assert len(told.unlisted) == shapes
+
+
 def test_a_track_that_is_another_is_no_locked_axle() -> None:
     assert found(drive({"track_width.front": -0.06}, CITY_V, CITY_STEER)).best.effects == ("track_width",)
 
