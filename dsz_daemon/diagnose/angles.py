@@ -48,6 +48,8 @@ def at_a_side(cos: float, sin: float, nearer: float) -> tuple[float, float]:
 
     Ackermann's: how far it is to the left, over the wheelbase.
     """
+    if nearer == 0.0:
+        return cos, sin
     along = cos - nearer * sin
     by = math.sqrt((cos * cos + sin * sin) / (along * along + sin * sin))
     return along * by, sin * by

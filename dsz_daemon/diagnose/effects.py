@@ -309,6 +309,9 @@ FORM = (
 )
 
 
+_BUILT_IN_ROWS = len(EFFECTS) + len(ROAD) + len(NAMELESS)
+
+
 class Vocabulary(NamedTuple):
     """What may have been left out: the rows above, and those of one's own behind them.
 
@@ -328,7 +331,7 @@ class Vocabulary(NamedTuple):
 
     def own(self) -> tuple[Effect, ...]:
         """The rows behind the built-in ones."""
-        return tuple(effect for effect in self.effects if _does_something(effect))
+        return self.effects[_BUILT_IN_ROWS:]
 
 
 def _does_something(effect: Effect) -> bool:

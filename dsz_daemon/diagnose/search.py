@@ -218,8 +218,14 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
 
 def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
     """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
-    nominal = fitted(drive, rows, untold(nothing(drive.vocabulary), drive.steer), (), tolerance, _WELL, each)
-    nominal = _drawn(drive, rows, nominal, tolerance, each)
+    level = nothing(drive.vocabulary)
+    start = untold(level, drive.steer)
+    if not np.array_equal(start, level):
+        # Roughly first: how wheels are drawn is told by far, or not yet.
+        roughly = fitted(drive, rows, start, (), tolerance, each=each)
+        drawn = as_drawn(roughly.x, roughly.std, roughly.columns)
+        start = roughly.x if drawn is None else drawn
+    nominal = fitted(drive, rows, start, (), tolerance, _WELL, each)
     pulled = by_force(nominal.x, nominal.std, nominal.columns)
     return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
 
