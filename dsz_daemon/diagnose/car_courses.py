@@ -63,19 +63,26 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(REAR, "delta", steer_rad, "rad"),
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
-        Course(MOMENT, "sign(r)", np.tanh(r / _LOCKS_RADPS), ""),
-        Course(MOMENT, "sign(r/vx)", np.tanh(r / np.maximum(v, ROLLING_MPS) / _LOCKS_PER_M), ""),
         Course(MOMENT, "ax*ay where ax > 0", np.maximum(v_rate, 0.0) * side, "m2/s4"),
         Course(MOMENT, "ax*ay where ax < 0", np.minimum(v_rate, 0.0) * side, "m2/s4"),
         Course(TYRES, "t", minutes, "min"),
         Course(TYRES, "exp(-t/60 s)", np.exp(-minutes), ""),
     ]
+    # What is locked is no more than a stiffness where it is nowhere near its end.
+    bends = r / np.maximum(v, ROLLING_MPS)
+    locked = (("sign(r)", r / _LOCKS_RADPS), ("sign(r/vx)", bends / _LOCKS_PER_M))
+    found += [Course(MOMENT, name, np.tanh(slip), "") for name, slip in locked if _reaches_its_end(slip)]
     if float(np.max(np.abs(hand_rad))) > _TURNED_RAD:
         found += [
             Course(STEERING, "sin(hand)", np.sin(hand_rad), ""),
             Course(STEERING, "sin(2*hand)", np.sin(2.0 * hand_rad), ""),
         ]
     return found
+
+
+def _reaches_its_end(slip: Floats) -> bool:
+    """Whether a twentieth of the way (n,) is beyond 1."""
+    return float(np.quantile(np.abs(slip), 0.95)) > 1.0
 
 
 def as_effect_of_the_car(course: Course, moving: Moving, model: CarModel) -> Effect:

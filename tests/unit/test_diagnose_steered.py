@@ -218,7 +218,6 @@ def test_the_equation_is_that_of_its_words() -> None:
         (REAR, "vx*delta"): v * CITY_STEER,
         (REAR, "sign(ay)"): np.tanh(side),
         (MOMENT, "sign(r)"): np.tanh(r / 0.06),
-        (MOMENT, "sign(r/vx)"): np.tanh(r / v / 0.03),
         (TYRES, "t"): minutes,
         (TYRES, "exp(-t/60 s)"): np.exp(-minutes),
     }
@@ -231,6 +230,21 @@ def test_the_equation_is_that_of_its_words() -> None:
     assert np.all(braked * side <= 0.0)
     smooth = slice(200, -200)
     np.testing.assert_allclose((driven_on + braked)[smooth], (moving.v_rate * side)[smooth], atol=0.02)
+
+
+def test_what_is_locked_is_looked_for_where_it_reaches_its_end() -> None:
+    """In wide bends its moment is as the bend, which is a stiffness; nor at a yaw rate that is small all the way."""
+    tight = 0.25 * np.sin(0.5 * np.arange(N) / 100.0)
+    moving = moves(drive({}, np.full(N, 6.0), tight))
+    found = values_of_courses(moving, tight * RATIO, tight)
+    r, v = moving.moved[:, motion.R], moving.v_mps
+    np.testing.assert_allclose(found[MOMENT, "sign(r/vx)"], np.tanh(r / v / 0.03), rtol=1e-9, atol=1e-12)
+    wide = values_of_courses(moves(drive({}, CITY_V, CITY_STEER)), CITY_STEER * RATIO, CITY_STEER)
+    assert (MOMENT, "sign(r/vx)") not in wide
+    assert (MOMENT, "sign(r)") in wide
+    straight = 0.05 * CITY_STEER
+    hardly = values_of_courses(moves(drive({}, CITY_V, straight)), straight * RATIO, straight)
+    assert (MOMENT, "sign(r)") not in hardly
 
 
 def test_what_pushes_is_a_force_and_a_moment_of_its_place() -> None:
