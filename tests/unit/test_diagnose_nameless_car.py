@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from core_cases import TUCSON
@@ -16,6 +19,7 @@ from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
 from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.motion import AY, R
+from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.unlisted import is_named, library
@@ -176,3 +180,24 @@ def test_what_goes_to_and_fro_in_a_car_does(late_s: float, share: float, follows
     late = np.interp(T - late_s, T, side)
     pushes = np.sqrt(share) * 500.0 * late / np.std(late) + np.sqrt(1.0 - share) * slow_noise_n(7)
     assert follows_the_car(one, nothing(), flat(N)._replace(side_n=pushes)) is follows
+
+
+@pytest.mark.parametrize(("late_s", "share", "follows"), [(1.5, 0.8, True), (1.5, 0.35, False), (-4.0, 0.8, False)])
+def test_what_follows_comes_after_and_is_most_of_it(late_s: float, share: float, follows: bool) -> None:
+    """On a drive that repeats nothing: what a car does seconds later tells no more of a wind than chance."""
+    steer = 0.04 * slow_noise_n(3) / 500.0
+    one = drive({}, np.full(N, 12.0), steer)
+    side = driven(one, nothing(), flat(N)).moved[:, AY]
+    late = np.interp(T - late_s, T, side)
+    force_n = np.sqrt(share) * 500.0 * late / np.std(late) + np.sqrt(1.0 - share) * slow_noise_n(7)
+    assert follows_the_car(one, nothing(), flat(N)._replace(side_n=force_n)) is follows
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9])
+def test_a_wind_that_follows_the_car_is_implausible(share: float) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    side = driven(one, nothing(), flat(N)).moved[:, AY]
+    force_n = np.sqrt(share) * 500.0 * side / np.std(side) + np.sqrt(1.0 - share) * slow_noise_n(7)
+    fit = SimpleNamespace(x=nothing(), columns=(), effects=("side_wind",), road=flat(N)._replace(side_n=force_n))
+    told: Any = fit
+    assert is_implausible(one, rows_of(one), told, "side_wind") is (share > 0.5)
