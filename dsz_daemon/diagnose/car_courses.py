@@ -1,7 +1,7 @@
 """What a car may do that has no name: its wheels turn further, or what turns it is another, by a course over time.
 
-Each is a row behind the vocabulary, of one parameter. None is linear in steering or lateral acceleration alone, nor in
-what is all the way the same: those have names.
+Each is a row behind the vocabulary, of one parameter. Of the front wheels none is linear in steering or lateral
+acceleration, nor the steering's own square: all of those have names.
 """
 
 from __future__ import annotations
@@ -85,26 +85,29 @@ def _reaches_its_end(slip: Floats) -> bool:
     return float(np.quantile(np.abs(slip), 0.95)) > 1.0
 
 
-def as_effect_of_the_car(course: Course, moving: Moving, model: CarModel) -> Effect:
-    """The course as what may have been left out of the car, which moves so, and is this."""
+def as_effect_of_the_car(course: Course, moving: Moving, model: CarModel) -> Effect | None:
+    """The course as what may have been left out of the car, which moves so, and is this; None where it does nothing."""
     lf, lr, front_n = model.cg_to_front_axle_m, model.cg_to_rear_axle_m, moving.moved[:, FRONT_N]
     values, steers, pushes = course.values, None, None
     if course.place == STEERING:
-        steers, some, turn = values, _SOME_RAD, values
+        steers, turn = values, values
     elif course.place == REAR:
         side_n = model.rear_stiffness * values
-        pushes, some, turn = np.column_stack([side_n, -lr * side_n]), _SOME_RAD, values
+        pushes, turn = np.column_stack([side_n, -lr * side_n]), values
     elif course.place == MOMENT:
         # As much as a turn of the front wheels.
         turn = values / (model.front_stiffness * lf)
-        pushes, some = np.column_stack([np.zeros(len(values)), values]), _SOME_RAD
+        pushes = np.column_stack([np.zeros(len(values)), values])
     else:
         rear_n = model.mass_kg * moving.moved[:, AY] - front_n
         pushes = values[:, np.newaxis] * np.column_stack([front_n + rear_n, lf * front_n - lr * rear_n])
-        turn, some = values * front_n / model.front_stiffness, _SOME_RAD
+        turn = values * front_n / model.front_stiffness
     size = float(np.sqrt(np.mean(turn**2)))
+    # A car that stands, or has no steering, has tyres that may warm up as they like.
+    if size == 0.0:
+        return None
     per = f"/({course.unit})" if course.unit else ""
-    k = Parameter("k", _UNIT[course.place].format(per=per), some / size, -_MOST_RAD / size, _MOST_RAD / size, 0.0)
+    k = Parameter("k", _UNIT[course.place].format(per=per), _SOME_RAD / size, -_MOST_RAD / size, _MOST_RAD / size, 0.0)
     return Effect(
         name=f"{course.place}{SHAPE}{course.name}",
         words=_WORDS[course.place].format(course=course.name),

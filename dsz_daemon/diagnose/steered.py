@@ -38,8 +38,8 @@ def steered_shape(
         return None
     moving, model_of_car = driven(drive, fit.x, fit.road), car_of(drive, fit.x)
     courses = courses_of(moving, drive.steer * drive.steering_ratio, drive.steer)
-    new = [as_effect_of_the_car(course, moving, model_of_car) for course in courses if np.any(course.values)]
-    new = [effect for effect in new if effect.name not in fit.effects]
+    effects = (as_effect_of_the_car(course, moving, model_of_car) for course in courses)
+    new = [effect for effect in effects if effect is not None and effect.name not in fit.effects]
     # One that had to go is in the vocabulary still.
     renamed = [effect._replace(name=f"new {effect.name}") for effect in new]
     there = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), *renamed)))

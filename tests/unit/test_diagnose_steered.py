@@ -32,7 +32,12 @@ STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"
 def as_steering(name: str, values: np.ndarray, unit: str) -> Effect:
     """A course of the front wheels, which asks nothing of the car."""
     level = drive({}, CITY_V, CITY_STEER)
-    return as_effect_of_the_car(Course(STEERING, name, values, unit), moves(level), car_of(level, nothing()))
+    return surely(as_effect_of_the_car(Course(STEERING, name, values, unit), moves(level), car_of(level, nothing())))
+
+
+def surely(effect: Effect | None) -> Effect:
+    assert effect is not None
+    return effect
 
 
 def moves(level: Drive) -> Moving:
@@ -52,8 +57,8 @@ def turned(course: str, k: float, steer: np.ndarray = CITY_STEER) -> Drive:
 def pushed(place: str, course: str, k: float, v: np.ndarray = CITY_V) -> Drive:
     """A car that does k times the course more, of its own motion without it, and noise."""
     level = drive({}, v, CITY_STEER)
-    there = {(one.place, one.name): one for one in courses_of(moves(level), CITY_STEER * RATIO, CITY_STEER)}
-    effect = as_effect_of_the_car(there[place, course], moves(level), car_of(level, nothing()))
+    courses = {(one.place, one.name): one for one in courses_of(moves(level), CITY_STEER * RATIO, CITY_STEER)}
+    effect = surely(as_effect_of_the_car(courses[place, course], moves(level), car_of(level, nothing())))
     more = level._replace(vocabulary=vocabulary((effect,)))
     change = predicted(more, np.append(nothing(), k), flat(N)) - predicted(level, nothing(), flat(N))
     return level._replace(measured=level.measured + change)
@@ -261,7 +266,7 @@ def test_what_pushes_is_a_force_and_a_moment_of_its_place() -> None:
         TYRES: (values * (front_n + rear_n), values * (lf * front_n - lr * rear_n)),
     }
     for place, (side_n, turning_nm) in expected.items():
-        effect = as_effect_of_the_car(Course(place, "c", values, ""), moving, car)
+        effect = surely(as_effect_of_the_car(Course(place, "c", values, ""), moving, car))
         assert (effect.steers, effect.name) == (None, f"{place}: k*c")
         push = pushed_by(vocabulary((effect,)), np.append(nothing(), 2.0), N)
         np.testing.assert_allclose(push, 2.0 * np.column_stack([side_n, turning_nm]), rtol=1e-12)
@@ -269,6 +274,20 @@ def test_what_pushes_is_a_force_and_a_moment_of_its_place() -> None:
         assert with_shapes([effect.name]) == {"gyro_z", "accel_y"}
     assert not is_of_the_car("gyro_z: k*c")
     assert not is_of_the_car("steering_ratio")
+
+
+@pytest.mark.parametrize("v", [np.zeros(N), CITY_V])
+def test_a_car_that_stands_or_goes_straight_on_is_not_turned_by_anything(v: np.ndarray) -> None:
+    """Though its gyro shows a turn: there is an end to the search, and no course of the car in it."""
+
+    def wanders(one: Drive) -> None:
+        one.measured[:, 2] += 0.02 * np.sin(0.7 * np.arange(N) / 100.0)
+
+    one = drive({}, v, np.zeros(N), change=wanders)
+    still = moves(one)._replace(moved=np.zeros((N, 12)))
+    course = Course(TYRES, "t", np.arange(N) / 6000.0, "min")
+    assert as_effect_of_the_car(course, still, car_of(one, nothing())) is None
+    assert not [effect for effect in searched(one, rows_of(one), TOLERANCE).best.effects if is_of_the_car(effect)]
 
 
 def test_a_push_turns_and_moves_the_car_as_newton_has_it() -> None:
