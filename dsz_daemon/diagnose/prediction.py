@@ -16,7 +16,7 @@ from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.own_courses import pushed_by, turned_by
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
-from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
+from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll, locks_in_front
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -185,8 +185,8 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
         v_rate = rate_of(v, DT_S)
     rear_track_m = drive.car.rear_track_m * (1.0 + at("rear_track_m") + at("track_width.rear"))
     apart = 1.0 - at("locked_axle.share")
-    is_front = drive.car.front_driven and not drive.car.rear_driven
-    tracks_m = (model.front_track_m * (apart if is_front else 1.0), rear_track_m * (1.0 if is_front else apart))
+    in_front = locks_in_front(drive.car)
+    tracks_m = (model.front_track_m * (apart if in_front else 1.0), rear_track_m * (1.0 if in_front else apart))
     wheels_mps = rolled(
         m,
         v,

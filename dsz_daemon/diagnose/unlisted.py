@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driv
 from dsz_daemon.diagnose.pulls import is_much
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.shape_names import SHAPE, with_shapes
+from dsz_daemon.diagnose.wheel_readings import locks_in_front
 from dsz_daemon.signals import IMU_CHANNELS
 
 # Of a channel's power that is left: less is no shape worth a name. And it has to be more than noise and form, so often.
@@ -233,10 +234,10 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         found.append(Shape("gyro_z", "k*r'", Coefficient(whole * value, whole * std, "kg m2 of yaw inertia"), 1.0))
     if "locked_axle" in told:
         value, std = values_of(drive, fit, "locked_axle")["share"]
-        is_front = drive.car.front_driven and not drive.car.rear_driven
-        half_m = 0.5 * (drive.car.front_track_m if is_front else drive.car.rear_track_m)
+        in_front = locks_in_front(drive.car)
+        half_m = 0.5 * (drive.car.front_track_m if in_front else drive.car.rear_track_m)
         for side, sign in (("l", 1.0), ("r", -1.0)):
-            wheel = f"wheel_speed_{'f' if is_front else 'r'}{side}"
+            wheel = f"wheel_speed_{'f' if in_front else 'r'}{side}"
             found.append(Shape(wheel, "k*r", Coefficient(sign * half_m * value, half_m * std, "(m/s)/(rad/s)"), 1.0))
     if "steering_lag" in told:
         value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]

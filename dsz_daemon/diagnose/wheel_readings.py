@@ -6,12 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.effects import INDEX
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 _WHEELS = ("fl", "fr", "rl", "rr")
 _SQUARES, _GROWTH = np.array([INDEX[f"wheel_square.{wheel}"] for wheel in _WHEELS]), INDEX["wheel_growth.per_v2"]
+
+
+def locks_in_front(car: Car) -> bool:
+    """Of which axle a differential may be locked: the driven one, of two the rear one."""
+    return car.front_driven and not car.rear_driven
 
 
 def as_they_read(rolled_mps: Floats, x: Floats) -> Floats:
