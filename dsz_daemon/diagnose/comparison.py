@@ -259,10 +259,12 @@ def sensitivities(
     columns: Sequence[int],
     felt: Feels | None = None,
     each: Each = map,
+    known: Floats | None = None,
 ) -> Floats:
     """Secants (k, 13, len(columns)) of the prediction over each parameter's step, away from its nearer bound.
 
-    `felt`: the road that is felt for other parameters; None where it is the same for all.
+    `felt`: the road that is felt for other parameters; None where it is the same for all. `known` (k, 13, q), of other
+    parameters, come before them.
     """
     moving = driven(drive, x, road)
     touches = {effect.name: effect.touches for effect in drive.vocabulary.effects}
@@ -293,17 +295,21 @@ def sensitivities(
 
     for _ in each(take, range(len(columns))):
         pass
-    return _with_own_offsets(rows, _by_row(found))
+    known = np.empty((*rows.used.shape, 0)) if known is None else known
+    return _with_own_offsets(rows, _by_row(known, found))
 
 
 @compiled
-def _by_row(values: Floats) -> Floats:
-    """The same (p, k, c) as (k, c, p)."""
-    found = np.empty((*values.shape[1:], len(values)))
+def _by_row(before: Floats, values: Floats) -> Floats:
+    """Those (k, c, q), and the same (p, k, c) as (k, c, p)."""
+    q = before.shape[2]
+    found = np.empty((*values.shape[1:], q + len(values)))
     for k in range(values.shape[1]):
         for c in range(values.shape[2]):
+            for i in range(q):
+                found[k, c, i] = before[k, c, i]
             for i in range(len(values)):
-                found[k, c, i] = values[i, k, c]
+                found[k, c, q + i] = values[i, k, c]
     return found
 
 

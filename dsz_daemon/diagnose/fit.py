@@ -138,10 +138,13 @@ class Slopes(NamedTuple):
 
     def of(self, x: Floats, effects: tuple[str, ...], columns: Sequence[int]) -> Floats | None:
         """Those of some columns; None at another x, on another road, or where one is missing."""
-        roads = [set(there) & set(OWN_CHANNEL) for there in (effects, self.effects)]
-        if roads[0] != roads[1] or not np.array_equal(x, self.x) or not set(columns) <= set(self.columns):
-            return None
-        return np.ascontiguousarray(self.values[:, :, [self.columns.index(i) for i in columns]])
+        roads = OWN_CHANNEL.keys() & set(effects), OWN_CHANNEL.keys() & set(self.effects)
+        are_known = roads[0] == roads[1] and np.array_equal(x, self.x) and set(columns) <= set(self.columns)
+        return self.at(columns) if are_known else None
+
+    def at(self, columns: Sequence[int]) -> Floats:
+        """Those of some columns: `take` costs a tenth of an index."""
+        return np.take(self.values, [self.columns.index(i) for i in columns], axis=2)
 
 
 def nuisances(tolerance: Mapping[str, float]) -> tuple[int, ...]:

@@ -94,8 +94,9 @@ def screened(
     special = [i for name in NEVER_SCREENED for i in words.columns_of(name)]
     held = set(NUISANCES) - set(best.columns)
     columns = [i for i in range(len(words.columns)) if i not in held and (i not in special or i in best.columns)]
-    slopes = _slopes(drive, rows, best, columns, known, each)
-    found = sums(rows, best.left, slopes, best.scatter)
+    all_known = _slopes(drive, rows, best, columns, known, each)
+    columns = list(all_known.columns)
+    found = sums(rows, best.left, all_known.values, best.scatter)
     box = box_of(words.columns, best.x, columns, tolerance)
     place = {column: i for i, column in enumerate(columns)}
     own = [place[i] for i in best.columns if i not in DRAWN]
@@ -105,7 +106,6 @@ def screened(
         if effect.name not in best.effects and effect.name not in NEVER_SCREENED
     }
     before = np.asarray(held_out(found, own, box) * best.scatter**2)
-    all_known = Slopes(best.x, best.effects, tuple(columns), slopes)
     screening = Screening([], all_known, best, found, box, own, of_effects, before)
     gains = dict(zip(of_effects, each(lambda name: screening.gain([name]), of_effects), strict=True))
     enough = max([_WORTH * max(gains.values()), 0.5 * LEAST_GAIN]) if gains else 0.0
@@ -113,15 +113,12 @@ def screened(
     return screening._replace(names=names)
 
 
-def _slopes(drive: Drive, rows: Rows, best: Fit, columns: Sequence[int], known: Slopes | None, each: Each) -> Floats:
-    """The slopes (k, 13, len(columns)) at the end of a fit, taken where they are not `known`."""
+def _slopes(drive: Drive, rows: Rows, best: Fit, columns: Sequence[int], known: Slopes | None, each: Each) -> Slopes:
+    """The slopes at the end of a fit, taken where they are not `known`; what is known comes first."""
     there = [] if known is None else [i for i in columns if i in known.columns]
     given = None if known is None else known.of(best.x, best.effects, there)
     if given is None:
         there = []
     base, rest = predicted(drive, best.x, best.road), [i for i in columns if i not in there]
-    taken = sensitivities(drive, rows, best.x, best.road, base, rest, best.felt, each)
-    if given is None:
-        return taken
-    place = {column: at for at, column in enumerate((*there, *rest))}
-    return np.ascontiguousarray(np.concatenate((given, taken), axis=2)[:, :, [place[i] for i in columns]])
+    values = sensitivities(drive, rows, best.x, best.road, base, rest, best.felt, each, given)
+    return Slopes(best.x, best.effects, (*there, *rest), values)

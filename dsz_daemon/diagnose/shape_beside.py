@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.beside import step_beside, taken_beside
-from dsz_daemon.diagnose.comparison import Bools, Each, Rows
+from dsz_daemon.diagnose.comparison import Bools, Each, Rows, all_hands
 from dsz_daemon.diagnose.evidence import Box, Sums, inverse, sums
 from dsz_daemon.diagnose.fit import Fit, Slopes, box_of
 from dsz_daemon.diagnose.gains import quiet
@@ -57,11 +57,17 @@ def likeliest_shapes(
 
     Of each the one that gains the most.
     """
-    shapes = [best_shape(drive, rows, fit, each)]
-    if beside:
-        shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), each))
-    of_a_sensor = max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
-    found = of_a_sensor, steered_shape(drive, rows, fit, known, tolerance, each)
+
+    def of_a_sensor(inside: Each) -> Found | None:
+        shapes = [best_shape(drive, rows, fit, inside)]
+        if beside:
+            shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), inside))
+        return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
+
+    def of_the_car(inside: Each) -> Found | None:
+        return steered_shape(drive, rows, fit, known, tolerance, inside)
+
+    found = all_hands(lambda kind, inside: kind(inside), (of_a_sensor, of_the_car), each)
     return [shape for shape in found if shape is not None]
 
 
@@ -83,7 +89,7 @@ def shape_beside(
     """
     if channels is None:
         channels = set(IMU_CHANNELS) - with_shapes(fit.effects)
-    slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
+    slopes = known.at(fit.columns)
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     model = sums(rows, fit.left, slopes, fit.scatter)
     # Of parameters that the drive does not tell apart none is told: no solution, but no reason to end either.

@@ -46,7 +46,7 @@ def steered_shape(
     x = np.append(fit.x, np.zeros(len(new)))
     columns = range(len(fit.x), len(x))
     shown = sensitivities(there, rows, x, fit.road, predicted(there, x, fit.road), columns, fit.felt, each)
-    slopes = np.ascontiguousarray(known.values[:, :, [known.columns.index(i) for i in fit.columns]])
+    slopes = known.at(fit.columns)
     box = box_of(drive.vocabulary.columns, fit.x, fit.columns, tolerance)
     p, model = slopes.shape[2], sums(rows, fit.left, np.concatenate([slopes, shown], axis=2), fit.scatter)
     squares, cross = model.squares.sum(axis=(0, 1)), model.cross.sum(axis=(0, 1))
