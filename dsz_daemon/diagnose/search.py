@@ -30,6 +30,7 @@ from dsz_daemon.diagnose.smaller import (
     asked_of,
     plausible,
     without_courses,
+    without_idle_shapes,
     without_leaners,
     without_trifles,
     worth_now,
@@ -122,7 +123,7 @@ def searched(
             shapes += [] if name in {known.effect.name for known in shapes} else [shape]
             nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
             continue
-        tried = two or enough(tried) or two_at_once(trial, screening, refused, each)
+        tried = two or enough(tried) or two_at_once(trial, screening, starts, refused, each)
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
             best = anew
             continue
@@ -198,6 +199,7 @@ def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """Without trifles, and what was found of them."""
     gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
     best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
+    best = without_idle_shapes(found.drive, found.rows, best, tolerance, each)
     best = without_leaners(found.drive, found.rows, best, tolerance, gains, each)
     best = without_courses(found.drive, found.rows, best, tolerance, gains, each)
     best = in_the_middle(found.drive, found.rows, best, tolerance, each)

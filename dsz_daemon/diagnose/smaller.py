@@ -233,3 +233,12 @@ def without_courses(
         if another_course(drive, rows, rest, known, tolerance, channels) > gained(drive, rest, best):
             best = rest
     return best
+
+
+def without_idle_shapes(drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], each: Each) -> Fit:
+    """The model without shapes that came first and do nothing beside what came after them."""
+    for effect in [name for name in best.effects if is_shape(name) and not is_told(drive, best, name)]:
+        rest = without(drive, rows, best, tolerance, (effect,), each)
+        if gained(drive, rest, best) < LEAST_GAIN:
+            best = rest
+    return best

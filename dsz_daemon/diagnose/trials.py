@@ -32,6 +32,8 @@ _ALIKE = 3.0
 # The most promising of two at once; and what makes a gyro show more than its own rate.
 _PAIRS = 3
 _OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
+# And the most promising beside a wind.
+_BLOWN, _OTHERS_OF_A_WIND = "side_wind", 3
 # Than a shape, for two to come in its place.
 _SO_MUCH_MORE = 2.0
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
@@ -213,11 +215,14 @@ def enough_first(
     return [*gaining, *(step for step in ranked if not gains_enough(step))] if gaining else []
 
 
-def two_at_once(trial: Trial, screening: Screening, refused: set[str], each: Each) -> list[Step]:
+def two_at_once(
+    trial: Trial, screening: Screening, starts: Sequence[Start], refused: set[str], each: Each
+) -> list[Step]:
     """What two effects gain that hide each other while a channel is far off, the most first; empty where none do.
 
     An IMU that is late and a steering that is, too, turn the car in time with each other; of a road that is felt by a
-    gyro which shows more than its own rate nothing is left as it is.
+    gyro which shows more than its own rate nothing is left as it is; and a wind, from where one `starts`, is judged by
+    the yaw rate, of which nothing else may be off.
     """
     off = far_off(trial.drive, trial.best)
     if not off.any():
@@ -228,7 +233,14 @@ def two_at_once(trial: Trial, screening: Screening, refused: set[str], each: Eac
         if off[OWN_CHANNEL[road]] and feels(trial.drive, trial.rows, trial.best, road)
         for other in [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
     ]
-    tried = _tried_at_once(trial, (*roads, *screening.pairs(off)[:_PAIRS]), refused, each)
+    winds = [
+        ((_BLOWN, other), x)
+        for new, x in starts
+        if new == (_BLOWN,)
+        for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]
+    ]
+    pairs = [(pair, trial.best.x) for pair in (*roads, *screening.pairs(off)[:_PAIRS])]
+    tried = _tried_at_once(trial, (*winds, *pairs), refused, each)
     return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
 
 
@@ -238,7 +250,8 @@ def two_instead(trial: Trial, screening: Screening, refused: set[str], shape: Fo
     Two fit more than one, and may be any of some hundred.
     """
     shown = np.array([channel == shape.channel for channel in CHANNELS])
-    tried = _tried_at_once(trial, screening.pairs(shown)[:_PAIRS], refused, each)
+    starts = [(pair, trial.best.x) for pair in screening.pairs(shown)[:_PAIRS]]
+    tried = _tried_at_once(trial, starts, refused, each)
     new = len(trial.best.effects)
     return [
         step
@@ -248,9 +261,9 @@ def two_instead(trial: Trial, screening: Screening, refused: set[str], shape: Fo
     ]
 
 
-def _tried_at_once(trial: Trial, pairs: Sequence[tuple[str, str]], refused: set[str], each: Each) -> list[Step]:
-    starts = [(pair, trial.best.x) for pair in pairs if not set(pair) & refused]
-    return sorted(_judged(trial, each(trial.fit, starts), each), key=lambda step: -step.gain)
+def _tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], each: Each) -> list[Step]:
+    fits = each(trial.fit, [start for start in starts if not set(start[0]) & refused])
+    return sorted(_judged(trial, fits, each), key=lambda step: -step.gain)
 
 
 def rivals_of(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:

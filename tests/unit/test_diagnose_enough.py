@@ -296,16 +296,16 @@ def test_two_that_hide_each_other_are_found_at_once() -> None:
     late = [pair for pair in screening.pairs(off) if set(pair) == {"sensor_bandwidth", "steering_delay"}]
     assert late
     assert screening.gain(late[0]) > sum(max(screening.gain([name]), 0.0) for name in late[0]) + 10.0
-    tried = two_at_once(trial, screening, set(), map)
+    tried = two_at_once(trial, screening, [], set(), map)
     assert set(tried[0].fit.effects) == {"sensor_bandwidth", "steering_delay"}
     assert tried == sorted(tried, key=lambda step: -step.gain)
     assert puts_right(one, best, tried[0].fit)
     # What was refused beside this model is not tried again, and where nothing is far off nobody looks.
     assert all(
-        "steering_delay" not in step.fit.effects for step in two_at_once(trial, screening, {"steering_delay"}, map)
+        "steering_delay" not in step.fit.effects for step in two_at_once(trial, screening, [], {"steering_delay"}, map)
     )
     even = Trial(one, rows, tried[0].fit, TOLERANCE, screening.known)
-    assert two_at_once(even, screening, set(), map) == []
+    assert two_at_once(even, screening, [], set(), map) == []
 
 
 def test_of_two_at_once_each_has_its_own_rivals() -> None:

@@ -91,5 +91,5 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     nominal = fitted(one, rows, nothing(), (), TOLERANCE)
     screening = screened(one, rows, nominal, TOLERANCE, map)
     trial = trials.Trial(one, rows, nominal, TOLERANCE, screening.known)
-    tried = trials.two_at_once(trial, screening, set(), map)
+    tried = trials.two_at_once(trial, screening, [], set(), map)
     assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once

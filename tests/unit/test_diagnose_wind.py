@@ -11,16 +11,17 @@ from scipy.signal import lsim
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import search as search_module
-from dsz_daemon.diagnose import told_roads, winds
+from dsz_daemon.diagnose import told_roads, trials, winds
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
 from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, Trial, enough_first
+from dsz_daemon.diagnose.trials import Step, Trial, enough_first, two_at_once
 
 MIDDLE = slice(500, N - 500)
 AHEAD = INDEX["side_wind.ahead_m"]
@@ -292,3 +293,29 @@ def test_the_noise_of_an_accelerometer_is_in_no_winds_rms(share: float) -> None:
     assert felt_n > value
     assert abs(value - true_n) < 1.96 * std
     assert std < (0.15 if share > 0.3 else 4.0) * true_n
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wind is judged by the yaw rate, of which a scale leaves as much as a wind does: alone neither helps."""
+    if not at_once:
+        monkeypatch.setattr(trials, "_OTHERS_OF_A_WIND", 0)
+    # As slow as the bends are.
+    gusts_n = 900.0 * (np.sin(2.0 * np.pi * T / 8.5 + 1.0) + 0.7 * np.sin(2.0 * np.pi * T / 21.0))
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    x[AHEAD], x[INDEX["gyro_scale.z"]] = 0.3, 0.1
+    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=gusts_n)) - predicted(one, nothing(), flat(N))
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    screening = screened(one, rows, nominal, TOLERANCE, map)
+    trial = Trial(one, rows, nominal, TOLERANCE, screening.known)
+    starts = starts_of(one, rows, nominal, screening.names)
+    assert any(new == ("side_wind",) for new, _ in starts)
+    tried = two_at_once(trial, screening, starts, set(), map)
+    first = tried[0] if tried else None
+    assert (first is not None and set(first.fit.effects) == {"side_wind", "gyro_scale"}) is at_once
+    if first is not None and at_once:
+        assert first.fit.x[INDEX["gyro_scale.z"]] == pytest.approx(0.1, abs=0.02)
+    # What was refused beside this model is not tried again.
+    again = two_at_once(trial, screening, starts, {"side_wind"}, map)
+    assert all("side_wind" not in step.fit.effects for step in again)
