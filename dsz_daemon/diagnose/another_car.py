@@ -18,6 +18,7 @@ from dsz_daemon.diagnose.fit import SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import far_off, gained
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive
 from dsz_daemon.diagnose.search import Progress, Search, searched
+from dsz_daemon.diagnose.shape_names import is_of_the_car
 from dsz_daemon.diagnose.without import slopes_at, surely_without, without
 
 # Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
@@ -69,8 +70,8 @@ def with_own_numbers(
     if say is not None:
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
-    # Wheels roll as any car's do: where they don't, something else is wrong than numbers.
-    if far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
+    # Wheels roll as any car's do, and numbers turn any car: where one doesn't, something else is wrong than numbers.
+    if any(map(is_of_the_car, anew.best.effects)) or far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
         return found, 0.0
     # Of a ratio and of axles that come to the same on a drive none is told: then names say more.
     errors = parameter_errors(anew, each)

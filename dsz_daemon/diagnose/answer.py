@@ -12,6 +12,8 @@ from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each, own_offsets
+from dsz_daemon.diagnose.eccentric import about_the_middle, circle_of
+from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
@@ -79,7 +81,9 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     level = level_of(found)
     unexplained = unexplained_of(found, level)
     errors = parameter_errors(found, each)
-    named = [effect for effect in found.best.effects if effect not in _NAMELESS and not is_shape(effect)]
+    circle = circle_of(found.drive, found.best)
+    no_names = _NAMELESS | ({"steering_offset"} if circle is not None else set())
+    named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     left = doubt(found, unexplained)
     # A grade that no gyro feels is judged by one channel: what else is off is no matter.
     alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
@@ -93,6 +97,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     shapes = unlisted(found.drive, found.rows, found.best, there)
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
+    shapes = shapes if circle is None else about_the_middle(shapes, circle)
     anything = causes or errors or shapes or unexplained
     offsets = _offsets(found, causes)
     return Diagnosis(
@@ -151,7 +156,9 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     least = {p.name: p.least for p in described.parameters}
     if effect == "side_wind":
         least["rms_n"] = _least_wind_n(found.drive)
-    surely = found.gains[effect] > _SURE
+    # What came before a car did something that has no name may be that.
+    is_beside = described.touches == CAR and any(map(is_of_the_car, found.best.effects))
+    surely = found.gains[effect] > _SURE and not is_beside
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
     named = [

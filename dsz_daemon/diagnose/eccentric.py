@@ -1,0 +1,49 @@
+"""A steering sensor that is eccentric: what it is off by straight ahead belongs to its circle, and is no offset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.shape_names import SHAPE, STEERING
+from dsz_daemon.diagnose.unlisted import Shape
+
+# Courses that are nothing straight ahead, and what they are about the middle of the circle.
+_CIRCLES = {f"(1-cos({turn}))": f"cos({turn})" for turn in ("hand", "2*hand")}
+_OFFSET = INDEX["steering_offset.offset_rad"]
+# The middle is at zero but for so many spreads, and for so much of the circle.
+_SPREADS, _OF_THE_CIRCLE = 2.0, 0.2
+
+
+def circle_of(drive: Drive, fit: Fit) -> str | None:
+    """The course whose value straight ahead is all that the model's steering offset is; None without one."""
+    if "steering_offset" not in fit.effects:
+        return None
+    offset = fit.columns.index(_OFFSET)
+    for course in _CIRCLES:
+        if (name := f"{STEERING}{SHAPE}{course}") not in fit.effects:
+            continue
+        [i] = drive.vocabulary.columns_of(name)
+        k = fit.columns.index(i)
+        # k (1 - cos) + offset = -k cos + middle.
+        middle = float(fit.x[_OFFSET] + fit.x[i])
+        std = math.sqrt(max(float(fit.covariance[[offset, k]][:, [offset, k]].sum()), 0.0))
+        if abs(middle) < max(_SPREADS * std, _OF_THE_CIRCLE * abs(float(fit.x[i]))):
+            return course
+    return None
+
+
+def about_the_middle(shapes: Sequence[Shape], course: str) -> list[Shape]:
+    """The shapes, of which the `course` is said about the middle of its circle."""
+    return [
+        shape._replace(
+            shape=shape.shape.replace(course, _CIRCLES[course]),
+            coefficient=shape.coefficient._replace(value=-shape.coefficient.value),
+        )
+        if course in shape.shape
+        else shape
+        for shape in shapes
+    ]

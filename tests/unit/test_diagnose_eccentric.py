@@ -1,0 +1,54 @@
+"""diagnose: a steering sensor that is eccentric is off straight ahead, too; that is no offset of the steering."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.eccentric import circle_of
+from dsz_daemon.diagnose.search import Search, searched
+
+RATIO, CIRCLE_RAD = 16.0, 0.006
+# Beyond half of its circle; and so far that half of it is no whole one's beginning.
+STEER = {far: far * CITY_STEER for far in (2.0, 4.0)}
+
+
+def searched_with(zero_rad: float, far: float) -> Search:
+    """A car whose wheels turn by a circle of the hand wheel's angle more, from where its middle is `zero_rad` off."""
+    more = zero_rad - CIRCLE_RAD * np.cos(2.0 * RATIO * STEER[far])
+    one = drive({}, CITY_V, STEER[far] + more)._replace(steer=STEER[far])
+    return searched(one, rows_of(one), TOLERANCE)
+
+
+@pytest.mark.parametrize("far", [2.0, 4.0])
+def test_what_a_circle_is_off_straight_ahead_is_no_offset(far: float) -> None:
+    """And what was thought of before the circle, and does nothing beside it, is not said."""
+    found = searched_with(0.0, far)
+    assert set(found.best.effects) == {"steering_offset", "steering: k*(1-cos(2*hand))"}
+    assert circle_of(found.drive, found.best) == "(1-cos(2*hand))"
+    said = answered(found)
+    assert said.causes == []
+    [shape] = said.unlisted
+    assert shape.shape == "k*cos(2*hand)"
+    assert shape.coefficient.value == pytest.approx(-CIRCLE_RAD, rel=0.05)
+
+
+@pytest.mark.parametrize("far", [2.0, 4.0])
+def test_an_offset_beside_a_circle_is_one(far: float) -> None:
+    found = searched_with(-0.004, far)
+    assert circle_of(found.drive, found.best) is None
+    said = answered(found)
+    assert [cause.effect for cause in said.causes] == ["steering_offset"]
+    assert said.causes[0].parameters["offset_rad"].value == pytest.approx(-0.004 - CIRCLE_RAD, abs=3e-4)
+    assert [shape.shape for shape in said.unlisted] == ["k*(1-cos(2*hand))"]
+
+
+@pytest.mark.parametrize("left_out", [{}, {"steering_offset.offset_rad": 0.004}])
+def test_without_a_circle_there_is_none(left_out: dict[str, float]) -> None:
+    one = drive(left_out, CITY_V, CITY_STEER)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert circle_of(found.drive, found.best) is None
+    assert len(answered(found).causes) == len(left_out)
