@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Ints, Rows
+from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
@@ -16,6 +17,8 @@ from dsz_daemon.diagnose.winds import by_the_lean, of_noise_n
 _STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
 # A step to see by, in spreads: what is a square is not seen as one.
 _STEP = 0.1
+# An interval of 95 %, in spreads; and where the spread is that of a dozen swings, told by these.
+_SURELY, _OF_A_FEW = 1.96, 2.3
 # Of a wind's power what the accelerometer's noise has in it is taken off, as far as that is known (its power to a
 # fourth), and something stays.
 _NOISE_UNSURE, _LEAST_OF_IT = 0.25, 0.3
@@ -62,10 +65,12 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
         return None
     of, at = _RMS[effect], driven_rows(rows)
 
-    def rms(x: Floats, road: Profiles) -> float:
+    def course_of(x: Floats, road: Profiles) -> Floats:
         told = _apart(on_road(road, x), at)[0]
-        course = {"road_bank": told.bank_rad, "road_grade": told.grade_rad, "side_wind": told.side_n}[effect]
-        return float(np.sqrt(np.mean(course[at] ** 2)))
+        return {"road_bank": told.bank_rad, "road_grade": told.grade_rad, "side_wind": told.side_n}[effect][at]
+
+    def rms(x: Floats, road: Profiles) -> float:
+        return float(np.sqrt(np.mean(course_of(x, road) ** 2)))
 
     value = rms(fit.x, fit.road)
     places = [fit.columns.index(i) for i in (*drive.vocabulary.columns_of(effect), *of.beside) if i in fit.columns]
@@ -76,8 +81,21 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
         x[fit.columns[places[k]]] += steps[k]
         slopes[k] = (rms(x, fit.felt(x)) - value) / steps[k]
     std = math.hypot(math.sqrt(float(slopes @ covariance @ slopes)), of.form * value)
+    if effect != "side_wind":
+        std = math.hypot(std, _evenly(course_of(fit.x, fit.road)))
     if effect == "side_wind" and not by_the_lean(fit.x):
         noise = float(np.mean(of_noise_n(drive, fit.x, fit.road)[at] ** 2))
         less = math.sqrt(max(value**2 - noise, (_LEAST_OF_IT * value) ** 2))
         value, std = less, math.hypot(std * less / value, _NOISE_UNSURE * noise / (2.0 * less))
     return {of.name: (value, std)}
+
+
+def _evenly(course: Floats) -> float:
+    """How unsure the rms of a road is, as no drive tells by how much it tilts all the way, beside its course (n,).
+
+    A road that goes up and down as this one does is level on average but for s / sqrt(n / c), c rows that tell as much
+    as one. Its rms may be that of both.
+    """
+    rms = float(np.sqrt(np.mean(course**2)))
+    rows = float(correlated_rows(course[:, np.newaxis], np.ones((len(course), 1), dtype=np.bool_))[0])
+    return (math.hypot(rms, _OF_A_FEW * rms * math.sqrt(rows / len(course))) - rms) / _SURELY

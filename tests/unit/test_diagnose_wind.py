@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import search as search_module
@@ -251,8 +251,9 @@ def test_where_tyres_answer_late_no_wind_runs_away() -> None:
     assert np.std((road.side_n - GUSTS_N)[MIDDLE]) < 0.1 * np.std(GUSTS_N)
 
 
-def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one() -> None:
+def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """The spread of a bank's rms, by its knots, against a thousand draws of these; and no surer than form allows."""
+    monkeypatch.setattr(told_roads, "_evenly", lambda _: 0.0)
     rng, n = np.random.default_rng(3), 6000
     road = flat(n)._replace(bank_rad=0.02 * np.sin(2.0 * np.pi * np.arange(n) / 2000.0))
     columns = tuple(BUILT_IN.columns_of("road_bank"))
@@ -274,6 +275,23 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one() -> None:
     surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
     assert surest == {"rms_rad": (value, pytest.approx(0.03 * value))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
+
+
+@pytest.mark.parametrize("lasts_s", [1.0, 4.0])
+def test_an_rms_is_no_surer_than_how_much_a_road_tilts_all_the_way(lasts_s: float) -> None:
+    """Of longer roads of zero mean nine of ten and more have, on 150 s, an rms within it; and it is no wide one."""
+    rng, rows, row_s = np.random.default_rng(5), 3750, 0.04
+    gone = np.exp(-row_s / lasts_s)
+    inside, off = [], []
+    for _ in range(300):
+        road = lfilter([1.0], [1.0, -gone], rng.normal(size=2 * rows))[rows:]
+        course = road - np.mean(road)
+        std = told_roads._evenly(course)
+        truth, told = np.sqrt(np.mean(road**2)), np.sqrt(np.mean(course**2))
+        inside.append(truth - told < 1.96 * std)
+        off.append(std / told)
+    assert 0.9 < np.mean(inside) < 0.99
+    assert np.median(off) < 0.02 * lasts_s
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5])
