@@ -15,6 +15,9 @@ from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.said import Value
 from dsz_daemon.diagnose.trials import Step
 
+# A model without effects.
+NOTHING = SimpleNamespace(effects=())
+
 
 def found(rivals: dict[str, dict[str, float]], effects: tuple[str, ...]) -> Any:
     """A search that has tried these effects with these gains."""
@@ -195,6 +198,36 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
         assert cause.probability == pytest.approx(0.75 if gain == 30.0 else 30.0 / 31.0)
 
 
+@pytest.mark.parametrize(
+    ("effect", "beside", "std", "is_named"),
+    [
+        # A ratio of -0.05 +- 0.06 is none beside what a car did without a name, whatever it gained before that came.
+        ("steering_ratio", "steering: k*vx*vy", 0.06, False),
+        ("steering_ratio", "steering: k*vx*vy", 0.02, True),
+        ("steering_ratio", "gyro_z: k*vx^2", 0.06, True),
+        ("gyro_scale", "steering: k*vx*vy", 0.06, True),
+    ],
+)
+def test_what_a_shape_of_the_car_may_be_has_a_name_only_where_it_is_told(
+    monkeypatch: pytest.MonkeyPatch, effect: str, beside: str, std: float, is_named: bool
+) -> None:
+    name = "scale" if effect == "steering_ratio" else "z"
+    monkeypatch.setattr(answer, "_values", lambda *_: {name: (-0.05, std)})
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(
+        answer, "_as_told", lambda _, values, units: ({**dict.fromkeys(units, (0.0, None)), **values}, units)
+    )
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=SimpleNamespace(effects=(effect, beside)),
+        gains={effect: 500.0, beside: 200.0},
+        elsewhere={effect: {}},
+    )
+    assert (answer._cause(search, effect) is not None) is is_named
+
+
 # Of 62 000 N/rad a tyre 1e-4 rad are 12.4 N.
 @pytest.mark.parametrize(
     ("rms_n", "rounding_rad", "is_named"),
@@ -214,7 +247,7 @@ def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
         wheels=np.repeat([[10.0] * 4, [0.0] * 4], 50, axis=0),
         recording=SimpleNamespace(rounding_rad=np.array([rounding_rad * np.repeat([1.0, 9.0], 50)])),
     )
-    search: Any = SimpleNamespace(drive=drive, gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}})
+    search: Any = SimpleNamespace(drive=drive, best=NOTHING, gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}})
     cause = answer._cause(search, "side_wind")
     assert (cause is not None) is is_named
 
@@ -293,7 +326,7 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
 
     def told(gain: float, left: float, effect: str = "gyro_scale") -> Any:
         drive = SimpleNamespace(vocabulary=BUILT_IN, measured=np.zeros((2, 13)))
-        search: Any = SimpleNamespace(drive=drive, best=None, gains={effect: gain}, elsewhere={effect: {}})
+        search: Any = SimpleNamespace(drive=drive, best=NOTHING, gains={effect: gain}, elsewhere={effect: {}})
         return answer._cause(search, effect, left)
 
     assert told(19.0, 1.0) is None
@@ -332,7 +365,7 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
     monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
-        drive=SimpleNamespace(vocabulary=BUILT_IN), best=None, gains={"tyre_saturation": 66.0}, elsewhere={}
+        drive=SimpleNamespace(vocabulary=BUILT_IN), best=NOTHING, gains={"tyre_saturation": 66.0}, elsewhere={}
     )
     search.elsewhere["tyre_saturation"] = {}
     cause = answer._cause(search, "tyre_saturation")
