@@ -161,3 +161,12 @@ def test_numbers_are_free_where_they_explain_more_or_a_sensor_is_idle(
     assert len(rooms) == (anew or told != 0.85)
     for room in rooms:
         assert room == {**ROOM, "yaw_inertia_kgm2": 0.9, "mass_kg": 0.05}
+
+    # Beside what a car does without a name its numbers are none that are told; what a sensor does is no matter.
+    shapes = {"steering: k*vx*vy": 0.0, "gyro_z: k*vx^2": by_numbers}
+    for shape, told_by in shapes.items():
+        shaped = found._replace(best=found.best._replace(effects=(shape,)))
+        monkeypatch.setattr(another_car, "searched", lambda *_, shaped=shaped: shaped)
+        again, gain_of_numbers = with_own_numbers(one, found, tolerance)
+        assert gain_of_numbers == told_by
+        assert (again is found) is (told_by == 0.0)

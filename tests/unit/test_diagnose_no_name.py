@@ -55,6 +55,7 @@ TURNS, SIDE = COURSE[:, YAW], COURSE[:, ACROSS]
         ("accel_x", "delta", CITY_STEER, 2.0),
         ("gyro_z", "vx*ay", CITY_V * SIDE, 2e-4),
         ("gyro_z", "r*|r|", TURNS * np.abs(TURNS), 0.2),
+        ("gyro_z", "r^3", TURNS**3, 0.4),
         ("accel_y", "r*|r|", TURNS * np.abs(TURNS), -3.0),
         ("accel_y", "ay*|ay|", SIDE * np.abs(SIDE), 0.01),
     ],

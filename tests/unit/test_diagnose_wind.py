@@ -274,6 +274,10 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pyte
     fit.covariance = np.zeros_like(covariance)
     surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
     assert surest == {"rms_rad": (value, pytest.approx(0.03 * value))}
+    # And no surer than the tilt all the way.
+    monkeypatch.setattr(told_roads, "_evenly", lambda course: 0.04 * float(np.std(course)))
+    surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
+    assert surest == {"rms_rad": (value, pytest.approx(0.05 * value))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
 
 
