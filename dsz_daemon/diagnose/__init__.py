@@ -23,10 +23,12 @@ from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.drives import against, drive_of
 from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
 from dsz_daemon.diagnose.effects import vocabulary
-from dsz_daemon.diagnose.prediction import CHANNELS, flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
 from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.diagnose.search import Search, searched
+from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
+from dsz_daemon.diagnose.unlisted import Shape
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
@@ -88,8 +90,9 @@ def diagnose(
     if faults:
         mended = wiring_of(faults).mended_signals(signals)
         drive = drive_of(recorded(mended, steering_ratio, reference), car, steering_ratio, words)
+    first_ns = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
+    drive, stops = _where_steered(drive, signals, first_ns, car, steering_ratio)
     if simulation:
-        first_ns = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
         theirs = {}
         for channel, names in _SIMULATED.items():
             name = next((name for name in names if name in simulation), None)
@@ -102,7 +105,18 @@ def diagnose(
         drive = against(drive, theirs)
     found = searched(drive, rows_of(drive), tolerance, say, each)
     found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
-    return Diagnosed(answered(found, faults, each, by_numbers), found)
+    return Diagnosed(answered(found, faults, each, by_numbers, stops), found)
+
+
+def _where_steered(
+    drive: Drive, signals: Mapping[str, Signal], first_ns: int, car: Car, steering_ratio: float
+) -> tuple[Drive, list[Shape]]:
+    """The drive without what a steering sensor at its end does not tell, and what is said of that."""
+    stop = stop_of(signals)
+    if stop is None or not is_one(drive, stop, first_ns):
+        return drive, []
+    recording, share = without_it(drive.recording, stop, first_ns)
+    return drive_of(recording, car, steering_ratio, drive.vocabulary), [stop.as_shape(share)]
 
 
 def _require(signals: Mapping[str, Signal]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.axis_faults import AxisFault
-from dsz_daemon.diagnose.comparison import Each, own_offsets
+from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.eccentric import about_the_middle, circle_of
 from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED
@@ -26,7 +26,7 @@ from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_told
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, driven, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, driven
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
 from dsz_daemon.diagnose.screening import NEVER_SCREENED
@@ -35,9 +35,8 @@ from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
-from dsz_daemon.diagnose.unlisted import pull_shapes, shapes_of_all, unlisted, wheel_shapes
+from dsz_daemon.diagnose.unlisted import Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
 from dsz_daemon.diagnose.untested import untested
-from dsz_daemon.signals import IMU_CHANNELS
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.
@@ -76,8 +75,17 @@ _BEYOND = {
 }
 
 
-def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, by_numbers: float = 0.0) -> Diagnosis:
-    """What is said of a search, after faults that were mended; `by_numbers`: what the car's numbers gain over names."""
+def answered(
+    found: Search,
+    faults: Sequence[AxisFault] = (),
+    each: Each = map,
+    by_numbers: float = 0.0,
+    beside: Sequence[Shape] = (),
+) -> Diagnosis:
+    """What is said of a search, after faults that were mended; `by_numbers`: what the car's numbers gain over names.
+
+    `beside`: shapes of what drives the simulation.
+    """
     level = level_of(found)
     unexplained = unexplained_of(found, level)
     errors = parameter_errors(found, each)
@@ -94,7 +102,7 @@ def answered(found: Search, faults: Sequence[AxisFault] = (), each: Each = map, 
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     # A car has many ways to turn a little otherwise.
     there = [shape for shape in found.shapes if not is_of_the_car(shape.effect.name) or shape.effect.name in sure]
-    shapes = unlisted(found.drive, found.rows, found.best, there)
+    shapes = [*beside, *unlisted(found.drive, found.rows, found.best, there)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
@@ -374,23 +382,3 @@ def parameter_errors(found: Search, each: Each) -> list[ParameterError]:
         configured = found.drive.steering_ratio if key == "steering_ratio" else float(getattr(found.drive.car, key))
         errors.append(ParameterError(key, configured, configured * (1.0 + share), configured * std))
     return errors
-
-
-def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
-    """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
-    drive, best = found.drive, found.best
-    road = told_road(found.best, found.rows)[0]
-    nominal = predicted(drive, found.nominal.x, found.nominal.road)
-    fitted = predicted(drive, best.x, best.road)
-    if found.rows.piece is not None and drive.recording.piece is not None:
-        for shown in (nominal, fitted):
-            more = own_offsets(found.rows, found.rows.measured - shown[found.rows.at])
-            shown[:, : len(IMU_CHANNELS)] += more[drive.recording.piece]
-    columns: dict[str, Floats] = {"time_s": np.asarray(first_s + drive.recording.time_s)}
-    theirs = np.zeros_like(nominal) if drive.theirs is None else drive.theirs
-    for c, channel in enumerate(CHANNELS):
-        if np.isfinite(drive.measured[:, c]).any():
-            columns[f"{channel}_measured"] = drive.measured[:, c] + theirs[:, c]
-            columns[f"{channel}_nominal"] = nominal[:, c] + theirs[:, c]
-            columns[f"{channel}_fitted"] = fitted[:, c] + theirs[:, c]
-    return columns | {"road_bank_rad": road.bank_rad, "road_grade_up_rad": road.grade_rad, "side_wind_n": road.side_n}

@@ -36,7 +36,7 @@ from dsz_daemon.diagnose.smaller import (
     worth_now,
 )
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.swaps import in_its_place
+from dsz_daemon.diagnose.swaps import a_load_instead, in_its_place
 from dsz_daemon.diagnose.trials import (
     SURELY,
     Step,
@@ -113,7 +113,7 @@ def searched(
         )
         tried, waits = all_tried(trial, starts, waits, enough, each)
         shaped = _nameless(trial, tried, gains, each)
-        two = two_instead(trial, screening, refused, shaped[-1], each) if shaped is not None else []
+        two = two_instead(trial, screening, tried, refused, shaped[-1], each) if shaped is not None else []
         if shaped is not None and not two:
             drive, best, shape = shaped
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
@@ -149,7 +149,7 @@ def searched(
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
-    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
+    return _kept(_with_a_load(_each_in_its_place(found, tolerance, say, each), tolerance, each), tolerance, each)
 
 
 def _without_its_twin(
@@ -193,6 +193,25 @@ def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progr
             del rivals[effect], elsewhere[effect]
         rivals[first] = steps
     return found._replace(best=best, gains=gains, rivals=rivals, elsewhere=elsewhere)
+
+
+def _with_a_load(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """The search with a load for what one does to tyres and inertia at once, where that is as good."""
+    loaded = a_load_instead(found.drive, found.rows, found.nominal, found.best, found.rivals, tolerance, each)
+    if loaded is None:
+        return found
+    gone = set(found.best.effects) - set(loaded.fit.effects)
+    gain = loaded.gain + sum(found.gains[effect] for effect in gone)
+    steps = tuple(step for effect in sorted(gone) for step in found.rivals[effect] if step.effect != loaded.effect)
+    return found._replace(
+        best=loaded.fit,
+        gains={**{e: g for e, g in found.gains.items() if e not in gone}, loaded.effect: gain},
+        rivals={
+            **{e: r for e, r in found.rivals.items() if e not in gone},
+            loaded.effect: (Step(loaded.effect, gain, loaded.fit), *steps),
+        },
+        elsewhere={**{e: k for e, k in found.elsewhere.items() if e not in gone}, loaded.effect: {}},
+    )
 
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:

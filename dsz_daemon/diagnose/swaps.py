@@ -9,6 +9,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
@@ -20,6 +21,9 @@ _NEAR = 0.75
 # name takes the place of none.
 _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
 _NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
+# What a load does to how a car turns, as two; and so little less it may gain than both.
+_TYRES = "cornering_stiffness"
+_A_LOADS, _ALIKE = frozenset({_TYRES, "yaw_inertia"}), 3.0
 
 
 def in_its_place(
@@ -64,3 +68,30 @@ def _more(drive: Drive, nominal: Fit, before: Fit, after: Fit) -> float:
     """As rivals: what is left hangs together more or less, so the same rows count."""
     same = np.exp(np.mean(np.log([before.per_row, after.per_row]), axis=0))
     return gained(drive, nominal, after, same) - gained(drive, nominal, before, same)
+
+
+def a_load_instead(
+    drive: Drive,
+    rows: Rows,
+    nominal: Fit,
+    best: Fit,
+    rivals: Mapping[str, Sequence[Step]],
+    tolerance: Mapping[str, float],
+    each: Each,
+) -> Step | None:
+    """A load in place of tyres and a yaw inertia that are both others, with what it gains more; None if that is less.
+
+    One cause is likelier than two that come to the same.
+    """
+    if not set(best.effects) >= _A_LOADS or LOAD in best.effects:
+        return None
+    tried = next((step for step in rivals[_TYRES] if step.effect == LOAD), None)
+    if tried is None:
+        return None
+    start, own = best.x.copy(), list(drive.vocabulary.columns_of(LOAD))
+    start[[i for effect in _A_LOADS for i in drive.vocabulary.columns_of(effect)]] = 0.0
+    start[own] = tried.fit.x[own]
+    effects = tuple(LOAD if one == _TYRES else one for one in best.effects if one not in _A_LOADS - {_TYRES})
+    there = fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
+    gain = _more(drive, nominal, best, there)
+    return Step(LOAD, gain, there) if gain > -_ALIKE and not is_implausible(drive, rows, there, LOAD) else None

@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
+from dsz_daemon.diagnose.shape_names import is_of_the_car
 from dsz_daemon.diagnose.starts import Start
 from dsz_daemon.diagnose.unlisted import Found, wheel_squares
 
@@ -34,8 +35,10 @@ _PAIRS = 3
 _OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
 # And the most promising beside a wind.
 _BLOWN, _OTHERS_OF_A_WIND = "side_wind", 3
-# Than a shape, for two to come in its place.
-_SO_MUCH_MORE = 2.0
+# Than a shape, for two to come in its place; than one of the car, whose place has fewer names.
+_SO_MUCH_MORE, _THAN_OF_A_CAR = 2.0, 1.5
+# What turns a car, one with another, as no single name does.
+_TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_loading", "tyre_relaxation")
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
@@ -244,19 +247,27 @@ def two_at_once(
     return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
 
 
-def two_instead(trial: Trial, screening: Screening, refused: set[str], shape: Found, each: Each) -> list[Step]:
+def two_instead(
+    trial: Trial, screening: Screening, tried: Sequence[Step], refused: set[str], shape: Found, each: Each
+) -> list[Step]:
     """Two effects in place of a shape, the most first, where they gain much more: a scale that a ratio hides bends.
 
-    Two fit more than one, and may be any of some hundred.
+    Two fit more than one, and may be any of some hundred. What turns a car by its speed is the best that was `tried`,
+    and another of those that do: wheels that turn less the faster it goes are a ratio and a stiffness, too.
     """
     shown = np.array([channel == shape.channel for channel in CHANNELS])
-    starts = [(pair, trial.best.x) for pair in screening.pairs(shown)[:_PAIRS]]
-    tried = _tried_at_once(trial, starts, refused, each)
+    pairs, factor = screening.pairs(shown)[:_PAIRS], _SO_MUCH_MORE
+    if is_of_the_car(shape.effect.name):
+        factor = _THAN_OF_A_CAR
+        for first in [step.effect for step in tried if step.effect in _TURNS][:1]:
+            others = sorted(set(_TURNS) - {first, *trial.best.effects})
+            pairs += [(first, other) for other in others if {first, other} not in map(set, pairs)]
+    two = _tried_at_once(trial, [(pair, trial.best.x) for pair in pairs], refused, each)
     new = len(trial.best.effects)
     return [
         step
-        for step in tried
-        if step.gain > _SO_MUCH_MORE * shape.gain
+        for step in two
+        if step.gain > factor * shape.gain
         and all(is_told(trial.drive, step.fit, effect) for effect in step.fit.effects[new:])
     ]
 

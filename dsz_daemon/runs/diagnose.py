@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose import diagnose as diagnosed
-from dsz_daemon.diagnose.answer import columns_of_fit
+from dsz_daemon.diagnose.fit_columns import columns_of_fit
 from dsz_daemon.diagnose.level import UNEXPLAINED
 from dsz_daemon.diagnose.recording import Floats
 from dsz_daemon.edge.log_report import LogReport

@@ -169,17 +169,17 @@ def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_mu
     shape = search_module.Found(
         as_effect("gyro_z", "ay^3", CITY_STEER, "1", 1.0), "gyro_z", "k*ay^3", 1.0, 0.0, 1.0, 0.1
     )
-    [first, *_] = two_instead(trial, screening, set(), shape, map)
+    [first, *_] = two_instead(trial, screening, [], set(), shape, map)
     assert set(first.fit.effects) == {"gyro_scale", "steering_ratio"}
     for share, there in ((0.49, True), (0.51, False)):
-        steps = two_instead(trial, screening, set(), shape._replace(gain=share * first.gain), map)
+        steps = two_instead(trial, screening, [], set(), shape._replace(gain=share * first.gain), map)
         assert (first.fit.effects in [step.fit.effects for step in steps]) == there
     assert first.fit.effects not in [
-        step.fit.effects for step in two_instead(trial, screening, {"gyro_scale"}, shape, map)
+        step.fit.effects for step in two_instead(trial, screening, [], {"gyro_scale"}, shape, map)
     ]
     # And both are told.
     monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect != "gyro_scale")
-    steps = two_instead(trial, screening, set(), shape, map)
+    steps = two_instead(trial, screening, [], set(), shape, map)
     assert not any("gyro_scale" in step.fit.effects for step in steps)
 
 
