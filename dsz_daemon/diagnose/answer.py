@@ -138,7 +138,7 @@ def _offsets_beside(found: Search, turned: bool) -> dict[str, tuple[float, float
     """The same, with what gravity makes of a `turned` mount in them or not."""
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
-    bank, grade = told_road(found.best, found.rows)[1]
+    bank, grade = told_road(found.drive, found.best)[1]
     roll, pitch = (found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]] if turned else 0.0 for axis in ("roll", "pitch"))
     for name, tilt_rad in (("offset_accel_x", grade - pitch), ("offset_accel_y", bank + roll)):
         value, std = offsets[name]

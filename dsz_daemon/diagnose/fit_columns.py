@@ -16,7 +16,7 @@ from dsz_daemon.signals import IMU_CHANNELS
 def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
     """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
     drive, best = found.drive, found.best
-    road = told_road(found.best, found.rows)[0]
+    road = told_road(drive, best)[0]
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
     if found.rows.piece is not None and drive.recording.piece is not None:

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Ints, Rows
+from dsz_daemon.diagnose.comparison import EVERY, Ints, Rows
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
+from dsz_daemon.diagnose.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.winds import by_the_lean, of_noise_n
 
 _STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
 # A step to see by, in spreads: what is a square is not seen as one.
 _STEP = 0.1
+# Of each road its course, and whether nothing but an accelerometer feels it.
+_EVENLY = {"road_bank": ("bank_rad", is_unfelt), "road_grade": ("grade_rad", climbs_unfelt)}
+# A road's even tilt is told where it is known better than this, rad (and than by what any road's would be).
+_EVENLY_RAD = 0.0026
 # An interval of 95 %, in spreads; and where the spread is that of a dozen swings, told by these.
 _SURELY, _OF_A_FEW = 1.96, 2.3
 # Of a wind's power what the accelerometer's noise has in it is taken off, as far as that is known (its power to a
@@ -46,42 +53,74 @@ def driven_rows(rows: Rows) -> Ints:
     return np.unique(rows.at[rows.used.any(axis=1)])
 
 
-def told_road(fit: Fit, rows: Rows) -> tuple[Profiles, tuple[float, float]]:
+def _all_rows(fit: Fit) -> Ints:
+    """As many a second, standing included: a road is there, too, where nobody drives on it."""
+    return np.arange(0, len(fit.road.bank_rad), EVERY, dtype=np.int64)
+
+
+def told_road(drive: Drive, fit: Fit) -> tuple[Profiles, tuple[float, float]]:
     """The road of a model, and how much bank and grade (rad) were taken off it for being the same all the way.
 
-    A road that tilts evenly is the same as an offset of its accelerometer: it is told as one.
+    A road that tilts evenly is the same as an offset of its accelerometer: it is told as one, unless something else
+    tells it. A car that turns shows its turn to the roll and pitch gyros by as much as it is tilted, and one on a bank
+    steers against it.
     """
-    return _apart(on_road(fit.road, fit.x), driven_rows(rows))
+    return _apart(on_road(fit.road, fit.x), _all_rows(fit), _untold_evenly(drive, fit))
 
 
-def _apart(road: Profiles, at: Ints) -> tuple[Profiles, tuple[float, float]]:
-    bank, grade = float(np.mean(road.bank_rad[at])), float(np.mean(road.grade_rad[at]))
+def _apart(road: Profiles, at: Ints, untold: Collection[str]) -> tuple[Profiles, tuple[float, float]]:
+    bank = float(np.mean(road.bank_rad[at])) if "road_bank" in untold else 0.0
+    grade = float(np.mean(road.grade_rad[at])) if "road_grade" in untold else 0.0
     return road._replace(bank_rad=road.bank_rad - bank, grade_rad=road.grade_rad - grade), (bank, grade)
 
 
+def _untold_evenly(drive: Drive, fit: Fit) -> set[str]:
+    """The roads of which the fit does not tell how much they tilt all the way, or no better than their swings do."""
+    untold, at = set(_EVENLY), _all_rows(fit)
+    for effect, (name, is_felt_by_none) in _EVENLY.items():
+        # Where no gyro feels it, an accelerometer shows both.
+        if effect not in fit.effects or is_felt_by_none(drive):
+            continue
+
+        def evenly(x: Floats, road: Profiles, name: str = name) -> float:
+            return float(np.mean(getattr(on_road(road, x), name)[at]))
+
+        course = getattr(on_road(fit.road, fit.x), name)[at]
+        least = min(_EVENLY_RAD, float(np.std(course)) * math.sqrt(_as_one(course) / len(course)))
+        if _spread(fit, drive.vocabulary.columns_of(effect), evenly) < least:
+            untold.remove(effect)
+    return untold
+
+
+def _spread(fit: Fit, columns: Sequence[int], of: Callable[[Floats, Profiles], float]) -> float:
+    """By how much something of the parameters and their road is uncertain, as these columns are (the delta method)."""
+    places = [fit.columns.index(i) for i in columns if i in fit.columns]
+    covariance, value = fit.covariance[np.ix_(places, places)], of(fit.x, fit.road)
+    slopes, steps = np.zeros(len(places)), _STEP * np.sqrt(np.diag(covariance))
+    for k in np.flatnonzero(steps):
+        x = fit.x.copy()
+        x[fit.columns[places[k]]] += steps[k]
+        slopes[k] = (of(x, fit.felt(x)) - value) / steps[k]
+    return math.sqrt(float(slopes @ covariance @ slopes))
+
+
 def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple[float, float | None]] | None:
-    """What a profile's rms over what was driven is called, with the rms and its spread; None of what is no profile."""
+    """What a profile's rms is called, with the rms and its spread (a wind's over what was driven); else None."""
     if effect not in _RMS:
         return None
-    of, at = _RMS[effect], driven_rows(rows)
+    of, untold = _RMS[effect], _untold_evenly(drive, fit)
+    at = driven_rows(rows) if effect == "side_wind" else _all_rows(fit)
 
     def course_of(x: Floats, road: Profiles) -> Floats:
-        told = _apart(on_road(road, x), at)[0]
+        told = _apart(on_road(road, x), at, untold)[0]
         return {"road_bank": told.bank_rad, "road_grade": told.grade_rad, "side_wind": told.side_n}[effect][at]
 
     def rms(x: Floats, road: Profiles) -> float:
         return float(np.sqrt(np.mean(course_of(x, road) ** 2)))
 
     value = rms(fit.x, fit.road)
-    places = [fit.columns.index(i) for i in (*drive.vocabulary.columns_of(effect), *of.beside) if i in fit.columns]
-    covariance = fit.covariance[np.ix_(places, places)]
-    slopes, steps = np.zeros(len(places)), _STEP * np.sqrt(np.diag(covariance))
-    for k in np.flatnonzero(steps):
-        x = fit.x.copy()
-        x[fit.columns[places[k]]] += steps[k]
-        slopes[k] = (rms(x, fit.felt(x)) - value) / steps[k]
-    std = math.hypot(math.sqrt(float(slopes @ covariance @ slopes)), of.form * value)
-    if effect != "side_wind":
+    std = math.hypot(_spread(fit, (*drive.vocabulary.columns_of(effect), *of.beside), rms), of.form * value)
+    if effect in untold:
         std = math.hypot(std, _evenly(course_of(fit.x, fit.road)))
     if effect == "side_wind" and not by_the_lean(fit.x):
         noise = float(np.mean(of_noise_n(drive, fit.x, fit.road)[at] ** 2))
@@ -97,5 +136,10 @@ def _evenly(course: Floats) -> float:
     as one. Its rms may be that of both.
     """
     rms = float(np.sqrt(np.mean(course**2)))
-    rows = float(correlated_rows(course[:, np.newaxis], np.ones((len(course), 1), dtype=np.bool_))[0])
-    return (math.hypot(rms, _OF_A_FEW * rms * math.sqrt(rows / len(course))) - rms) / _SURELY
+    return (math.hypot(rms, _OF_A_FEW * rms * math.sqrt(_as_one(course) / len(course))) - rms) / _SURELY
+
+
+def _as_one(course: Floats) -> float:
+    """How many rows of a road (n,) tell as much of its mean as one that is independent of the others."""
+    apart = course - np.mean(course)
+    return float(correlated_rows(apart[:, np.newaxis], np.ones((len(course), 1), dtype=np.bool_))[0])

@@ -94,12 +94,13 @@ def _write(drive: SimulatedDrive, folder: Path) -> None:
 
 
 def _with_rms(effects: list[dict[str, Any]], columns: Columns) -> list[dict[str, Any]]:
-    """A profile's rms is that of the way which was driven."""
-    moving = columns["speed_mps"] > 3.0
+    """A road's rms is that of all of it, a wind's of what was driven."""
+    moving, whole = columns["speed_mps"] > 3.0, np.ones(len(columns["speed_mps"]), dtype=np.bool_)
     names = {"road_bank": ("rms_rad", "road_bank_rad"), "road_grade": ("rms_rad", "road_grade_up_rad")}
     names["side_wind"] = ("rms_n", "side_wind_n")
     for effect in effects:
         key, column = names.get(effect["effect"], ("", ""))
         if column in columns:
-            effect["parameters"][key] = float(np.std(columns[column][moving]))
+            at = moving if key == "rms_n" else whole
+            effect["parameters"][key] = float(np.sqrt(np.mean(columns[column][at] ** 2)))
     return effects

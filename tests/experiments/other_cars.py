@@ -181,7 +181,7 @@ def make(folder: Path, seed: int, kind: str, effects: Effects, seconds: float = 
         ("road_bank", "road_grade", "side_wind"), ("rms_rad", "rms_rad", "rms_n"), road, strict=True
     ):
         if effect in told:
-            told[effect][key] = float(np.sqrt(np.mean(course[moving] ** 2)))
+            told[effect][key] = float(np.sqrt(np.mean(course[moving if effect == "side_wind" else slice(None)] ** 2)))
     (folder / "truth.json").write_text(json.dumps(told))
     every = slice(None, None, 5)
     np.savez(

@@ -156,15 +156,22 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     """reading_x = a_x + g grade: what is the same all the way is taken off the road and put onto the offset."""
     waves = 0.01 * np.sin(2.0 * np.pi * np.arange(1000) / 250.0)
     road = flat(1000)._replace(grade_rad=0.05 + waves, bank_rad=-0.02 + waves)
-    rows = SimpleNamespace(at=np.arange(0, 1000, 4), used=np.ones((250, 13), dtype=np.bool_))
-    best = SimpleNamespace(road=road, x=nothing(), effects=("road_grade",))
-    search: Any = SimpleNamespace(best=best, rows=rows, drive=None)
+    best: Any = SimpleNamespace(road=road, x=nothing(), effects=("road_grade",))
+    search: Any = SimpleNamespace(best=best, drive=None)
+    untold = {"road_bank", "road_grade"}
+    monkeypatch.setattr(told_roads, "_untold_evenly", lambda *_: untold)
     offsets = {"offset_accel_x": (0.1, 0.01), "offset_accel_y": (0.2, 0.01), "mass_kg": (0.0, 0.0)}
     monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
     told = answer._offsets(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
-    np.testing.assert_allclose(told_roads.told_road(best, rows)[0].grade_rad, waves, atol=1e-5)
+    np.testing.assert_allclose(told_roads.told_road(search.drive, best)[0].grade_rad, waves, atol=1e-5)
+    # But for what is told of it.
+    untold = {"road_bank"}
+    np.testing.assert_array_equal(told_roads.told_road(search.drive, best)[0].grade_rad, road.grade_rad)
+    assert answer._offsets(search)["offset_accel_x"] == (0.1, 0.01)
+    assert answer._offsets(search)["offset_accel_y"] == told["offset_accel_y"]
+    untold = {"road_bank", "road_grade"}
     # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
     best.effects = ("road_grade", "imu_misalignment")
     best.x[[INDEX["imu_misalignment.roll_rad"], INDEX["imu_misalignment.pitch_rad"]]] = 0.03, 0.04

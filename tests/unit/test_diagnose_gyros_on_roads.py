@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.told_roads import told_road
 
 STEER = 0.03 + 0.5 * CITY_STEER
 # Waves that knots could follow, and such that they could not.
@@ -93,3 +94,27 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     trial = trials.Trial(one, rows, nominal, TOLERANCE, screening.known)
     tried = trials.two_at_once(trial, screening, [], set(), map)
     assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once
+
+
+@pytest.mark.parametrize(("road", "turns"), [("road_grade", True), ("road_grade", False), ("road_bank", True)])
+def test_how_much_a_road_tilts_all_the_way_is_told_where_the_car_turns_on_it(road: str, turns: bool) -> None:
+    """About the vertical a car that is tilted turns about its own axes, too; straight ahead an offset does as much.
+
+    Without a vertical accelerometer, that is: g cos tilt tells of it, too; and what steers on a bank tells of that.
+    """
+    even_rad = 0.02
+    level = drive({}, CITY_V, STEER if turns else 0.0 * STEER)
+    tilt = SHORT[road] + even_rad
+    there = flat(N)._replace(**{"grade_rad" if road == "road_grade" else "bank_rad": tilt})
+    shown = predicted(level, nothing(), there) - predicted(level, nothing(), flat(N))
+    one = level._replace(measured=level.measured + shown)
+    one.measured[:, 5] = np.nan
+    fit = fitted(one, rows_of(one), nothing(), (road,), TOLERANCE)
+    told, taken_off = told_road(one, fit)
+    course = told.grade_rad if road == "road_grade" else told.bank_rad
+    if turns:
+        assert np.mean(course) == pytest.approx(even_rad, abs=0.1 * np.pi / 180.0)
+        assert taken_off == (0.0, 0.0)
+        assert np.std(course - tilt) < 0.1 * np.pi / 180.0
+    else:
+        assert np.mean(course) == pytest.approx(0.0, abs=1e-4)

@@ -17,9 +17,9 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.search import Search, searched
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.swaps import in_its_place
+from dsz_daemon.diagnose.swaps import a_load_instead, in_its_place
 from dsz_daemon.diagnose.trials import Step, Trial, two_instead
 from dsz_daemon.diagnose.unlisted import as_effect
 
@@ -181,6 +181,91 @@ def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_mu
     monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect != "gyro_scale")
     steps = two_instead(trial, screening, [], set(), shape, map)
     assert not any("gyro_scale" in step.fit.effects for step in steps)
+
+
+def test_what_turns_a_car_is_held_against_the_best_name_with_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a ratio and tyres that are both others a shape of the speed makes more than either: both make more yet."""
+    left_out = {"steering_ratio.scale": 0.08, "cornering_stiffness.front_scale": -0.28}
+    one = drive(left_out, CITY_V, CITY_STEER)
+    rows, [level] = fits(one, ())
+    screening = screened(one, rows, level, TOLERANCE, map)
+    trial = Trial(one, rows, level, TOLERANCE, screening.known)
+    monkeypatch.setattr(type(screening), "pairs", lambda *_: [])
+    effect = as_effect("gyro_z", "vx*delta", CITY_STEER, "1", 1.0)
+    turning = search_module.Found(
+        effect._replace(name="steering: k*vx*delta"), "gyro_z", "k*vx*delta", 1.0, 0.0, 1.0, 0.1
+    )
+    tried = [Step("gyro_scale", 9.0, level), Step("steering_ratio", 8.0, level), Step("mass_loading", 7.0, level)]
+    pair = ("steering_ratio", "cornering_stiffness")
+    [first, *_] = two_instead(trial, screening, tried, set(), turning, map)
+    assert first.fit.effects == pair
+    for share, there in ((0.65, True), (0.68, False)):
+        steps = two_instead(trial, screening, tried, set(), turning._replace(gain=share * first.gain), map)
+        assert (pair in [step.fit.effects for step in steps]) == there
+    # Without one that turns a car, or beside a sensor's own shape, or where it is in the model, none is thought of.
+    assert two_instead(trial, screening, tried[:1], set(), turning, map) == []
+    assert two_instead(trial, screening, tried, set(), turning._replace(effect=effect), map) == []
+    there = Trial(one, rows, level._replace(effects=("cornering_stiffness",)), TOLERANCE, screening.known)
+    steps = two_instead(there, screening, tried, set(), turning, map)
+    assert all(step.fit.effects.count("cornering_stiffness") == 1 for step in steps)
+
+
+def with_a_load(inertia: float) -> tuple[Drive, Rows, Fit, Fit, dict[str, tuple[Step, ...]]]:
+    """A car with luggage that turns with it, or whose inertia is another's: tyres and inertia for it, and rivals."""
+    car = {"mass_loading.added_mass_kg": 300.0, "mass_loading.cg_shift_m": -0.15, "mass_loading.turns": 1.0}
+    one = drive(car | {"yaw_inertia.share": inertia}, CITY_V, CITY_STEER)
+    rows, [level, both, load] = fits(one, (), ("cornering_stiffness", "yaw_inertia"), ("mass_loading",))
+    start = nothing()
+    start[[INDEX["mass_loading.added_mass_kg"], INDEX["mass_loading.turns"]]] = 100.0, 1.0
+    load = fitted(one, rows, start, ("mass_loading",), TOLERANCE)
+    return one, rows, level, both, {"cornering_stiffness": (Step("mass_loading", 1.0, load),)}
+
+
+def test_one_load_is_likelier_than_tyres_and_an_inertia() -> None:
+    one, rows, level, both, rivals = with_a_load(0.0)
+    loaded = a_load_instead(one, rows, level, both, rivals, TOLERANCE, map)
+    assert loaded is not None
+    assert loaded.fit.effects == ("mass_loading",)
+    assert loaded.gain > -3.0
+    # Only for both, and where a load was among what was tried.
+    for effects, tried in (
+        (("cornering_stiffness",), rivals),
+        (("yaw_inertia",), rivals),
+        (("cornering_stiffness", "yaw_inertia", "mass_loading"), rivals),
+        (("cornering_stiffness", "yaw_inertia"), {"cornering_stiffness": ()}),
+    ):
+        assert a_load_instead(one, rows, level, both._replace(effects=effects), tried, TOLERANCE, map) is None
+
+
+def test_a_load_that_explains_less_takes_nothings_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, rows, level, both, rivals = with_a_load(0.0)
+    for gain, there in ((-2.9, True), (-3.1, False)):
+        monkeypatch.setattr(swaps_module, "_more", lambda *_, gain=gain: gain)
+        loaded = a_load_instead(one, rows, level, both, rivals, TOLERANCE, map)
+        assert (loaded is not None) is there
+    monkeypatch.setattr(swaps_module, "_more", lambda *_: 5.0)
+    monkeypatch.setattr(swaps_module, "is_implausible", lambda *_: True)
+    assert a_load_instead(one, rows, level, both, rivals, TOLERANCE, map) is None
+
+
+def test_a_search_says_a_load_with_what_both_had_gained() -> None:
+    one, rows, level, both, rivals = with_a_load(0.0)
+    found = Search(
+        one,
+        rows,
+        level,
+        both,
+        {**rivals, "yaw_inertia": (Step("steering_lag", 2.0, both),)},
+        {"cornering_stiffness": 900.0, "yaw_inertia": 40.0},
+        {"cornering_stiffness": {}, "yaw_inertia": {}},
+    )
+    said = search_module._with_a_load(found, TOLERANCE, map)
+    assert said.best.effects == ("mass_loading",)
+    assert said.gains["mass_loading"] == pytest.approx(940.0, abs=5.0)
+    assert set(said.gains) == set(said.rivals) == set(said.elsewhere) == {"mass_loading"}
+    assert [step.effect for step in said.rivals["mass_loading"]] == ["mass_loading", "steering_lag"]
+    alone = found._replace(best=both._replace(effects=("yaw_inertia",)))
+    assert search_module._with_a_load(alone, TOLERANCE, map) is alone
 
 
 def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:

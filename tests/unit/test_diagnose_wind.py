@@ -254,6 +254,7 @@ def test_where_tyres_answer_late_no_wind_runs_away() -> None:
 def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """The spread of a bank's rms, by its knots, against a thousand draws of these; and no surer than form allows."""
     monkeypatch.setattr(told_roads, "_evenly", lambda _: 0.0)
+    monkeypatch.setattr(told_roads, "_untold_evenly", lambda *_: {"road_bank"})
     rng, n = np.random.default_rng(3), 6000
     road = flat(n)._replace(bank_rad=0.02 * np.sin(2.0 * np.pi * np.arange(n) / 2000.0))
     columns = tuple(BUILT_IN.columns_of("road_bank"))
@@ -278,6 +279,11 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pyte
     monkeypatch.setattr(told_roads, "_evenly", lambda course: 0.04 * float(np.std(course)))
     surest = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
     assert surest == {"rms_rad": (value, pytest.approx(0.05 * value))}
+    # Where that is told it is in the rms.
+    monkeypatch.setattr(told_roads, "_untold_evenly", lambda *_: set())
+    fit.road = road._replace(bank_rad=road.bank_rad + 0.01)
+    whole = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
+    assert whole == {"rms_rad": (pytest.approx(np.hypot(value, 0.01)), pytest.approx(0.03 * np.hypot(value, 0.01)))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
 
 
