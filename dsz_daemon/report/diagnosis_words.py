@@ -102,16 +102,31 @@ def _rest(result: Mapping[str, Any], verdict: str) -> str:
     return f", but not all is explained{_worst(result)}" if verdict.startswith("partly") else ""
 
 
+def end_of(shape: Mapping[str, Any]) -> str:
+    """In words, what a signal that drives the simulation ends at; empty for any other shape."""
+    channel, limit_rad = told(shape.get("channel")), real(mapping(shape.get("coefficient")).get("value"))
+    if told(shape.get("shape")) != f"|{channel}| <= k" or not np.isfinite(limit_rad):
+        return ""
+    goes = f"{words(channel)} goes no further than {significant(np.degrees(limit_rad), 3)} deg, though the car turns on"
+    share = real(shape.get("share"))
+    return f"{goes} ({share:.0%} of the drive is left out)" if np.isfinite(share) else goes
+
+
 def _worst(result: Mapping[str, Any]) -> str:
     """What is left where it is most, and the shapes without a name."""
-    shapes = [title_of(told(one.get("channel")), result) for one in entries(result.get("unlisted"))]
+    ends = [end_of(one) for one in entries(result.get("unlisted"))]
+    shapes = [
+        title_of(told(one.get("channel")), result)
+        for one, end in zip(entries(result.get("unlisted")), ends, strict=True)
+        if not end
+    ]
     levels = {name: real(value) for name, value in mapping(result.get("level")).items()}
     known = {name: value for name, value in levels.items() if np.isfinite(value)}
-    parts = []
+    parts = [end for end in ends if end]
     if known:
         name = max(known, key=lambda one: known[one])
         # Below twice, the level is no news beside a shape.
-        if known[name] > 2.0 or not shapes:
+        if known[name] > 2.0 or not (shapes or parts):
             times = f"{known[name]:.1f} times what noise and coarseness leave"
             parts.append(f"the error of {title_of(name, result)} is {times}")
     if shapes:

@@ -20,6 +20,7 @@ from dsz_daemon.edge.small_arrays import keep_freed_memory
 from dsz_daemon.errors import InputError, MachineError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
+from dsz_daemon.report.diagnosis_words import end_of
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
 from dsz_daemon.runs.states_file import check_overlap, read_states
@@ -130,11 +131,10 @@ def words(result: dict[str, Any]) -> str:
     for error in result["parameter_errors"]:
         configured, fitted, std = (_figure(error[key]) for key in ("configured", "fitted", "std"))
         lines.append(f"- {error['parameter']}: configured {configured}, fits best at {fitted} +- {std}")
-    lines += [
-        f"- {shape['channel']}: {shape['shape']} with k = {shape['coefficient']['value']:.3g} "
-        f"{shape['coefficient']['unit']}, for which there is no name"
-        for shape in result["unlisted"]
-    ]
+    for shape in result["unlisted"]:
+        k = f"{shape['coefficient']['value']:.3g} {shape['coefficient']['unit']}"
+        told = end_of(shape) or f"{shape['channel']}: {shape['shape']} with k = {k}"
+        lines.append(f"- {told}, for which there is no name")
     lines += [f"- {one['statement']}" for key in ("same_as_offsets", "same_as_slip") for one in result[key]]
     off = [f"{name} {value:.0f} times" for name, value in result["level"].items() if value > UNEXPLAINED]
     if off and result["verdict"] in {"unexplained", "partly_explained"}:

@@ -14,7 +14,7 @@ from report_cases import Page, assert_offline
 
 from dsz_daemon.report.diagnosis_channels import channels_of
 from dsz_daemon.report.diagnosis_page import diagnosis_page
-from dsz_daemon.report.diagnosis_words import sentence
+from dsz_daemon.report.diagnosis_words import end_of, sentence
 from dsz_daemon.report.markup import element
 from dsz_daemon.report.offline_page import Picture, plotly, section, write_page
 
@@ -181,6 +181,22 @@ def test_the_sentence_says_what_it_can_not_tell_apart_and_what_is_not_explained(
     assert "with it and 2 more causes," in told
     assert "not all is explained: the error of vertical acceleration is 7.0 times what noise" in told
     assert told.endswith("longitudinal acceleration follows a shape without a name.")
+
+
+def test_what_steers_the_simulation_and_ends_is_said_in_words() -> None:
+    end = {
+        "channel": "steering_wheel_angle",
+        "shape": "|steering_wheel_angle| <= k",
+        "coefficient": {"value": 0.698132, "std": 0.0, "unit": "rad"},
+        "share": 0.31,
+    }
+    words = "steering wheel angle goes no further than 40.0 deg, though the car turns on (31% of the drive is left out)"
+    assert end_of(end) == words
+    assert end_of(end | {"share": None}) == words[: words.index(" (")]
+    assert end_of(end | {"shape": "k*vx^2"}) == end_of({}) == ""
+    told = sentence(diagnosis(verdict="unexplained", causes=[], unlisted=[end], level={"accel_z": 1.2}))
+    assert told.endswith(f": {words}.")
+    assert "follows a shape" not in told
 
 
 def test_a_gyro_that_a_road_was_integrated_from_is_no_evidence_for_it() -> None:
