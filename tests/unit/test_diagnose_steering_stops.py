@@ -104,6 +104,20 @@ def test_a_hand_that_holds_the_wheel_there_is_no_end() -> None:
     assert found.said.unlisted == []
 
 
+@pytest.mark.parametrize(("further", "ends"), [(1.15, False), (1.5, True)])
+def test_a_car_that_turns_on_by_as_much_as_a_ratio_may_be_off_is_no_end(further: float, ends: bool) -> None:
+    """Where it goes straight on but for that: nothing else tells that the ratio is another."""
+    held = np.where(FAR, ending(0.0), 0.05 * HAND)
+    signals = made(further * held, held)
+    stop = stop_of(signals)
+    assert stop is not None
+    said = Recording(T, held / RATIO, np.tile(CITY_V[:, None], (1, 4)), np.zeros((N, 6)), np.full(10, 1e-3))
+    one = drive_of(said, TUCSON, RATIO)
+    turned = drive_of(said._replace(road_wheel_angle_rad=further * held / RATIO), TUCSON, RATIO)
+    one.measured[:, :6] = predicted(turned, nothing(), flat(N))[:, :6]
+    assert is_one(one, stop, 0) is ends
+
+
 def test_what_stood_is_left_out_with_what_a_car_remembers() -> None:
     signals = made(HAND, ending(0.0))
     stop = stop_of(signals)
