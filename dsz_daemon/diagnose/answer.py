@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -129,16 +129,16 @@ def _names_slip_alone(causes: Sequence[Cause]) -> bool:
 
 
 def _offsets(found: Search, causes: Sequence[Cause] = ()) -> dict[str, tuple[float, float]]:
-    """Each channel's offset and spread, a road that tilts all the way and a turned mount that is no cause included."""
-    turned = "imu_misalignment" in found.best.effects and not any(c.effect == "imu_misalignment" for c in causes)
-    return _offsets_beside(found, turned)
+    """Each channel's offset and spread, with what gravity makes of a tilted road or a turned mount that is no cause."""
+    return _offsets_beside(found, [cause.effect for cause in causes])
 
 
-def _offsets_beside(found: Search, turned: bool) -> dict[str, tuple[float, float]]:
-    """The same, with what gravity makes of a `turned` mount in them or not."""
+def _offsets_beside(found: Search, causes: Collection[str]) -> dict[str, tuple[float, float]]:
+    """The same beside these causes."""
+    turned = "imu_misalignment" in found.best.effects and "imu_misalignment" not in causes
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
-    bank, grade = told_road(found.drive, found.best)[1]
+    bank, grade = told_road(found.drive, found.best, causes)[1]
     roll, pitch = (found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]] if turned else 0.0 for axis in ("roll", "pitch"))
     for name, tilt_rad in (("offset_accel_x", grade - pitch), ("offset_accel_y", bank + roll)):
         value, std = offsets[name]
@@ -208,7 +208,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
 
 def _takes_back(found: Search) -> bool:
     """Whether an offset beyond data sheets takes back what gravity makes of a turned mount: then it is no mount."""
-    offsets = _offsets_beside(found, turned=False)
+    offsets = _offsets_beside(found, found.best.effects)
     roll, pitch = (float(found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]]) for axis in ("roll", "pitch"))
     of_gravity = {"offset_accel_x": -motion.G * pitch, "offset_accel_y": motion.G * roll}
     return any(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -13,10 +13,13 @@ from dsz_daemon.diagnose.told_roads import told_road
 from dsz_daemon.signals import IMU_CHANNELS
 
 
-def columns_of_fit(found: Search, first_s: float) -> Mapping[str, Floats]:
-    """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles."""
+def columns_of_fit(found: Search, first_s: float, causes: Collection[str]) -> Mapping[str, Floats]:
+    """A row per step of the simulation: what was measured, the nominal and the fitted simulation, and the profiles.
+
+    `causes`: what was said to be left out.
+    """
     drive, best = found.drive, found.best
-    road = told_road(drive, best)[0]
+    road = told_road(drive, best, causes)[0]
     nominal = predicted(drive, found.nominal.x, found.nominal.road)
     fitted = predicted(drive, best.x, best.road)
     if found.rows.piece is not None and drive.recording.piece is not None:

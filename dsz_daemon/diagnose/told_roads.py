@@ -58,14 +58,15 @@ def _all_rows(fit: Fit) -> Ints:
     return np.arange(0, len(fit.road.bank_rad), EVERY, dtype=np.int64)
 
 
-def told_road(drive: Drive, fit: Fit) -> tuple[Profiles, tuple[float, float]]:
+def told_road(drive: Drive, fit: Fit, causes: Collection[str]) -> tuple[Profiles, tuple[float, float]]:
     """The road of a model, and how much bank and grade (rad) were taken off it for being the same all the way.
 
     A road that tilts evenly is the same as an offset of its accelerometer: it is told as one, unless something else
-    tells it. A car that turns shows its turn to the roll and pitch gyros by as much as it is tilted, and one on a bank
-    steers against it.
+    tells it, and the road is one of the `causes` that are said. A car that turns shows its turn to the roll and pitch
+    gyros by as much as it is tilted, and one on a bank steers against it.
     """
-    return _apart(on_road(fit.road, fit.x), _all_rows(fit), _untold_evenly(drive, fit))
+    untold = _untold_evenly(drive, fit) | (_EVENLY.keys() - set(causes))
+    return _apart(on_road(fit.road, fit.x), _all_rows(fit), untold)
 
 
 def _apart(road: Profiles, at: Ints, untold: Collection[str]) -> tuple[Profiles, tuple[float, float]]:

@@ -82,7 +82,7 @@ def diagnose(
         name: path.name for name, path in beside._asdict().items() if path is not None
     }
     write_json(result, folder / "diagnosis.json")
-    columns = columns_of_fit(found, first_s)
+    columns = columns_of_fit(found, first_s, [cause.effect for cause in said.causes])
     write_columns(columns, folder / "fit.parquet")
     if draws:
         _write_report(folder / "report.html", result, columns, ", ".join(path.name for path in logs))

@@ -165,12 +165,16 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     told = answer._offsets(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
-    np.testing.assert_allclose(told_roads.told_road(search.drive, best)[0].grade_rad, waves, atol=1e-5)
-    # But for what is told of it.
+    grade: Any = [SimpleNamespace(effect="road_grade")]
+    np.testing.assert_allclose(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, waves, atol=1e-5)
+    assert answer._offsets(search, grade) == told
+    # But for what is told of it, if it is said that there is one.
     untold = {"road_bank"}
-    np.testing.assert_array_equal(told_roads.told_road(search.drive, best)[0].grade_rad, road.grade_rad)
-    assert answer._offsets(search)["offset_accel_x"] == (0.1, 0.01)
-    assert answer._offsets(search)["offset_accel_y"] == told["offset_accel_y"]
+    np.testing.assert_array_equal(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, road.grade_rad)
+    np.testing.assert_allclose(told_roads.told_road(search.drive, best, [])[0].grade_rad, waves, atol=1e-5)
+    assert answer._offsets(search, grade)["offset_accel_x"] == (0.1, 0.01)
+    assert answer._offsets(search, grade)["offset_accel_y"] == told["offset_accel_y"]
+    assert answer._offsets(search) == told
     untold = {"road_bank", "road_grade"}
     # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
     best.effects = ("road_grade", "imu_misalignment")
@@ -414,7 +418,7 @@ def test_a_mount_that_an_offset_takes_back_is_none(
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
-        best=SimpleNamespace(x=x),
+        best=SimpleNamespace(x=x, effects=("imu_misalignment",)),
         rows=None,
         gains={"imu_misalignment": gain},
         elsewhere={"imu_misalignment": {}},

@@ -110,7 +110,7 @@ def test_how_much_a_road_tilts_all_the_way_is_told_where_the_car_turns_on_it(roa
     one = level._replace(measured=level.measured + shown)
     one.measured[:, 5] = np.nan
     fit = fitted(one, rows_of(one), nothing(), (road,), TOLERANCE)
-    told, taken_off = told_road(one, fit)
+    told, taken_off = told_road(one, fit, [road])
     course = told.grade_rad if road == "road_grade" else told.bank_rad
     if turns:
         assert np.mean(course) == pytest.approx(even_rad, abs=0.1 * np.pi / 180.0)
