@@ -118,3 +118,19 @@ def test_how_much_a_road_tilts_all_the_way_is_told_where_the_car_turns_on_it(roa
         assert np.std(course - tilt) < 0.1 * np.pi / 180.0
     else:
         assert np.mean(course) == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("road", ["road_grade", "road_bank"])
+def test_where_no_gyro_feels_a_road_nothing_tells_how_much_it_tilts_all_the_way(road: str) -> None:
+    level = drive({}, CITY_V, STEER)
+    tilt = LONG[road] + 0.02
+    there = flat(N)._replace(**{"grade_rad" if road == "road_grade" else "bank_rad": tilt})
+    shown = predicted(level, nothing(), there) - predicted(level, nothing(), flat(N))
+    one = level._replace(measured=level.measured + shown)
+    one.measured[:, [0, 1, 5]] = np.nan
+    fit = fitted(one, rows_of(one), nothing(), (road,), TOLERANCE)
+    told, taken_off = told_road(one, fit, [road])
+    course = told.grade_rad if road == "road_grade" else told.bank_rad
+    assert np.std(course) > 0.01
+    assert np.mean(course) == pytest.approx(0.0, abs=1e-4)
+    assert any(taken_off)
