@@ -24,7 +24,6 @@ from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
-from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive, Floats, driven
 from dsz_daemon.diagnose.recording import DT_S
@@ -36,6 +35,7 @@ from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
+from dsz_daemon.diagnose.unnamed import not_named
 from dsz_daemon.diagnose.untested import untested
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
@@ -52,7 +52,6 @@ _LEAST_WIND_N = 25.0
 _BEYOND_STEPS = 3.0
 # Of a factor that all wheels share: a drive that tells it no better does not tell it.
 _UNTOLD_FACTOR = 0.005
-_NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
 # Of roads without their gyros.
@@ -90,7 +89,7 @@ def answered(
     unexplained = unexplained_of(found, level)
     errors = parameter_errors(found, each)
     circle = circle_of(found.drive, found.best)
-    no_names = _NAMELESS | ({"steering_offset"} if circle is not None else set())
+    no_names = not_named(found.drive, found.best)
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     left = doubt(found, unexplained)
     # A grade that no gyro feels is judged by one channel: what else is off is no matter.

@@ -25,6 +25,8 @@ _LOCKS_RADPS, _LOCKS_PER_M = 0.06, 0.03
 # What is loose in an axle is at its end in a bend of this.
 _PLAYS_MPS2 = 1.0
 _MINUTE_S = 60.0
+# Rear wheels that are made to steer do so against the front ones below this, and with them above.
+_CROSSES_MPS, _OVER_MPS = 15.0, 7.0
 _UNIT = {
     STEERING: "rad{per} of the front wheels",
     REAR: "rad{per} of the rear wheels",
@@ -62,6 +64,7 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(STEERING, "(1-cos(2*hand))", 1.0 - np.cos(2.0 * hand_rad), ""),
         Course(REAR, "delta", steer_rad, "rad"),
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
+        Course(REAR, "tanh((vx-15)/7)*delta", np.tanh((v - _CROSSES_MPS) / _OVER_MPS) * steer_rad, "rad"),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
         Course(MOMENT, "ax*ay where ax > 0", np.maximum(v_rate, 0.0) * side, "m2/s4"),
         Course(MOMENT, "ax*ay where ax < 0", np.minimum(v_rate, 0.0) * side, "m2/s4"),

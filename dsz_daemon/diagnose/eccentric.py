@@ -13,9 +13,11 @@ from dsz_daemon.diagnose.unlisted import Shape
 
 # Courses that are nothing straight ahead, and what they are about the middle of the circle.
 _CIRCLES = {f"(1-cos({turn}))": f"cos({turn})" for turn in ("hand", "2*hand")}
+_OF_THE_HAND = "hand)"
 _OFFSET = INDEX["steering_offset.offset_rad"]
-# The middle is at zero but for so many spreads, and for so much of the circle.
-_SPREADS, _OF_THE_CIRCLE = 2.0, 0.2
+# The middle is at zero but for so many spreads, and for so much of the circle; or, of which a ratio is the other half.
+_SPREADS, _OF_THE_CIRCLE, _OF_HALF_A_CIRCLE = 2.0, 0.2, 0.5
+_RATIO = "steering_ratio"
 
 
 def circle_of(drive: Drive, fit: Fit) -> str | None:
@@ -31,9 +33,17 @@ def circle_of(drive: Drive, fit: Fit) -> str | None:
         # k (1 - cos) + offset = -k cos + middle.
         middle = float(fit.x[_OFFSET] + fit.x[i])
         std = math.sqrt(max(float(fit.covariance[[offset, k]][:, [offset, k]].sum()), 0.0))
-        if abs(middle) < max(_SPREADS * std, _OF_THE_CIRCLE * abs(float(fit.x[i]))):
+        share = _OF_HALF_A_CIRCLE if _RATIO in fit.effects else _OF_THE_CIRCLE
+        if abs(middle) < max(_SPREADS * std, share * abs(float(fit.x[i]))):
             return course
     return None
+
+
+def parts_of(drive: Drive, fit: Fit) -> set[str]:
+    """The names of the model that belong to an eccentric sensor: its zero; and near it, how steep its circle is."""
+    circles = any(effect.startswith(f"{STEERING}{SHAPE}") and _OF_THE_HAND in effect for effect in fit.effects)
+    zero = {"steering_offset"} if circle_of(drive, fit) is not None else set()
+    return zero | ({_RATIO} & set(fit.effects) if circles else set())
 
 
 def about_the_middle(shapes: Sequence[Shape], course: str) -> list[Shape]:

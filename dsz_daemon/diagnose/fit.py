@@ -40,6 +40,7 @@ from dsz_daemon.diagnose.smooth_roads import (
     slopes_of_bends,
 )
 from dsz_daemon.diagnose.unfelt_banks import untold_beside
+from dsz_daemon.diagnose.unfelt_grades import evenly_by
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
@@ -211,10 +212,9 @@ def fitted(
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
     untold = (untold_turns(drive) if MOUNT in effects else set()) | untold_beside(drive)
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
-    columns = (
-        *first,
-        *(i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold | hidden),
-    )
+    own = (i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold | hidden)
+    evenly = evenly_by(drive, effects)
+    columns = tuple(dict.fromkeys((*first, *own, *([] if evenly is None else [evenly]))))
     sizes = np.array([math.inf if i in range(len(OFFSETS)) else words.columns[i][1].step for i in columns])
     x = start.copy()
     moments = [i for i, column in enumerate(words.columns) if column in MOMENTS]

@@ -49,4 +49,11 @@ NAMELESS = (
         CAR,
         (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
     ),
+    Effect(
+        "nose_lift",
+        "The nose lifts by {rad_per_v2:.1e} rad of the square of the speed",
+        "theta = -k v^2",
+        SENSORS,
+        (Parameter("rad_per_v2", "rad s2/m2", 3e-6, -2e-4, 2e-4, 1e-6),),
+    ),
 )

@@ -40,6 +40,8 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
 _TO_AN_AXLE = 0.6
+# What is slippery for more of the way is so all the way.
+_FOR_A_WHILE = 0.9
 _ROLL_GYRO = 0
 _AHEAD = INDEX["side_wind.ahead_m"]
 
@@ -188,9 +190,9 @@ def _is_denied_by_its_gyro(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
 
 
 def _is_no_stretch(drive: Drive, fit: Fit) -> bool:
-    """Whether a slippery stretch is over before a car shows it, or before it begins."""
+    """Whether a slippery stretch is over before a car shows it, or before it begins; or has no end."""
     begins_s, ends_s = fit.x[moments_of(drive)]
-    return bool(ends_s - begins_s < SHORTEST_S)
+    return not SHORTEST_S <= ends_s - begins_s <= _FOR_A_WHILE * DT_S * len(drive.steer)
 
 
 def _slides(drive: Drive, fit: Fit) -> bool:

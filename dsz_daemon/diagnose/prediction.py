@@ -55,6 +55,7 @@ ROLL = frozenset(
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
+_LIFT = INDEX["nose_lift.rad_per_v2"]
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
 _SMALL_TURNS = INDEX["small_turns"]
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
@@ -344,9 +345,13 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
     lever = x[_LEVER]
     lever[0] += ahead_m
-    turn = _turned(x)
+    turn, m = _turned(x), moving.moved
+    if (lift := float(x[_LIFT])) != 0.0:
+        m = m.copy()
+        m[:, motion.PITCH] -= lift * moving.v_mps**2
+        m[:, motion.PITCH_RATE] -= 2.0 * lift * moving.v_mps * moving.v_rate
     reads: Floats = felt(
-        moving.moved,
+        m,
         moving.v_mps,
         moving.v_rate,
         moving.road.bank_rad,

@@ -18,6 +18,8 @@ from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 # Those that a linear step brings so much of what it brings the best.
 _WORTH = 0.05
+# What is no more than an accelerometer's own square where this gyro is not there.
+_BY_A_GYRO = {"nose_lift": 1}
 NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
 # Two at once are thought of where one of them is among so many that move what is far off the most.
 _FIRST_OF_TWO = 5
@@ -103,7 +105,9 @@ def screened(
     of_effects = {
         effect.name: [place[i] for i in words.columns_of(effect.name)]
         for effect in words.effects
-        if effect.name not in best.effects and effect.name not in NEVER_SCREENED
+        if effect.name not in best.effects
+        and effect.name not in NEVER_SCREENED
+        and (effect.name not in _BY_A_GYRO or rows.used[:, _BY_A_GYRO[effect.name]].any())
     }
     before = np.asarray(held_out(found, own, box) * best.scatter**2)
     screening = Screening([], all_known, best, found, box, own, of_effects, before)

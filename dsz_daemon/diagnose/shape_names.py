@@ -23,3 +23,8 @@ def with_shapes(effects: Collection[str]) -> set[str]:
 def is_of_the_car(effect: str) -> bool:
     """Whether it is one without a name that a car does, and no sensor."""
     return is_shape(effect) and effect.partition(SHAPE)[0] in _OF_THE_CAR
+
+
+def steers_by_speed(effect: str) -> bool:
+    """Whether it is one by which wheels turn with the steering, more or less by the speed."""
+    return is_of_the_car(effect) and effect.partition(SHAPE)[2].endswith("*delta")

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_beside import another_course
-from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape, with_shapes
+from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape, steers_by_speed, with_shapes
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.without import slopes_at, surely_without, without
@@ -27,14 +27,18 @@ _SHARE_OF_LIMIT = 0.2
 # And beside a shape in a gyro, or accelerometer, so much of what that gains, if it is what all of these show: it is the
 # simplest of a library, of inputs with their noise, and leaves some of what is there.
 _SHARE_OF_SHAPE = 0.1
-# And what wheels' sizes are beside tyres that grow, each as it likes, and beside slip, whose force is no one's to tell.
+# And what wheels' sizes are beside tyres that grow, each as it likes and by some power of the speed, and beside slip,
+# whose force is no one's to tell.
 _OF_SIZES = {
     ("wheel_growth", "track_width"): 0.1,
     ("wheel_growth", "wheel_radius"): 0.1,
+    ("wheel_square", "wheel_radius"): 0.5,
     ("wheel_slip", "wheel_radius"): 0.05,
 }
 # The hand wheel's sine, of which a ratio is one half: an eccentric sensor has both.
 _OF_THE_HAND, _SHARE_OF_HAND = "hand", 1.0
+# A ratio that follows the speed is no number: what is left of it does not come of a simulation's form.
+_SHARE_OF_SPEED = 0.05
 # The same for one that steers and what a car does, or what looks like a car that turns otherwise: its rear wheels may
 # steer, or what steers it has another phase. Neither is a car in a simulation to the letter what it is on a road.
 _SHARE_OF_STEERING, _PLACE_AND_TIME = 0.25, {"imu_lever_arm", "imu_delay", "sensor_bandwidth"}
@@ -68,6 +72,8 @@ def _share_of(drive: Drive, effect: str, other: str) -> float:
     if is_of_the_car(shape):
         if name == "steering_ratio" and _OF_THE_HAND in shape:
             return _SHARE_OF_HAND
+        if name == "steering_ratio" and steers_by_speed(shape):
+            return _SHARE_OF_SPEED
         is_alike = drive.vocabulary.described(name).touches == CAR or name in _PLACE_AND_TIME
         return _SHARE_OF_STEERING if is_alike else 0.0
     instrument = name.partition("_")[0]

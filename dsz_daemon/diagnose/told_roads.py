@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
-from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, evenly_by
 from dsz_daemon.diagnose.winds import by_the_lean, of_noise_n
 
 _STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
@@ -66,7 +66,23 @@ def told_road(drive: Drive, fit: Fit, causes: Collection[str]) -> tuple[Profiles
     gyros by as much as it is tilted, and one on a bank steers against it.
     """
     untold = _untold_evenly(drive, fit) | (_EVENLY.keys() - set(causes))
-    return _apart(on_road(fit.road, fit.x), _all_rows(fit), untold)
+    road, (bank, grade) = _apart(_in_all(drive, fit, fit.road, fit.x), _all_rows(fit), untold)
+    return road, (bank, grade - _by_the_turn(drive, fit, fit.x))
+
+
+def _by_the_turn(drive: Drive, fit: Fit, x: Floats) -> float:
+    """What a grade that no pitch gyro feels is all the way beyond its profile, rad: of that an accelerometer has none.
+
+    It is another's if the leak is one's own.
+    """
+    evenly = evenly_by(drive, fit.effects)
+    return 0.0 if evenly is None or "gyro_cross_axis" in fit.effects else float(x[evenly])
+
+
+def _in_all(drive: Drive, fit: Fit, road: Profiles, x: Floats) -> Profiles:
+    """The road with its corrections, and with what tells how much it climbs all the way."""
+    there = on_road(road, x)
+    return there._replace(grade_rad=there.grade_rad + _by_the_turn(drive, fit, x))
 
 
 def _apart(road: Profiles, at: Ints, untold: Collection[str]) -> tuple[Profiles, tuple[float, float]]:
@@ -79,16 +95,20 @@ def _untold_evenly(drive: Drive, fit: Fit) -> set[str]:
     """The roads of which the fit does not tell how much they tilt all the way, or no better than their swings do."""
     untold, at = set(_EVENLY), _all_rows(fit)
     for effect, (name, is_felt_by_none) in _EVENLY.items():
-        # Where no gyro feels it, an accelerometer shows both.
-        if effect not in fit.effects or is_felt_by_none(drive):
+        # Where no gyro feels it, an accelerometer shows both, and at most another gyro the road.
+        other = (
+            evenly_by(drive, fit.effects) if effect == "road_grade" and "gyro_cross_axis" not in fit.effects else None
+        )
+        if effect not in fit.effects or (is_felt_by_none(drive) and other is None):
             continue
 
         def evenly(x: Floats, road: Profiles, name: str = name) -> float:
-            return float(np.mean(getattr(on_road(road, x), name)[at]))
+            return float(np.mean(getattr(_in_all(drive, fit, road, x), name)[at]))
 
         course = getattr(on_road(fit.road, fit.x), name)[at]
         least = min(_EVENLY_RAD, float(np.std(course)) * math.sqrt(_as_one(course) / len(course)))
-        if _spread(fit, drive.vocabulary.columns_of(effect), evenly) < least:
+        columns = drive.vocabulary.columns_of(effect) if other is None else [other]
+        if _spread(fit, columns, evenly) < least:
             untold.remove(effect)
     return untold
 
@@ -113,14 +133,16 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
     at = driven_rows(rows) if effect == "side_wind" else _all_rows(fit)
 
     def course_of(x: Floats, road: Profiles) -> Floats:
-        told = _apart(on_road(road, x), at, untold)[0]
+        told = _apart(_in_all(drive, fit, road, x), at, untold)[0]
         return {"road_bank": told.bank_rad, "road_grade": told.grade_rad, "side_wind": told.side_n}[effect][at]
 
     def rms(x: Floats, road: Profiles) -> float:
         return float(np.sqrt(np.mean(course_of(x, road) ** 2)))
 
     value = rms(fit.x, fit.road)
-    std = math.hypot(_spread(fit, (*drive.vocabulary.columns_of(effect), *of.beside), rms), of.form * value)
+    evenly = evenly_by(drive, fit.effects) if effect == "road_grade" else None
+    more = of.beside if evenly is None else (*of.beside, evenly)
+    std = math.hypot(_spread(fit, (*drive.vocabulary.columns_of(effect), *more), rms), of.form * value)
     if effect in untold:
         std = math.hypot(std, _evenly(course_of(fit.x, fit.road)))
     if effect == "side_wind" and not by_the_lean(fit.x):

@@ -28,6 +28,8 @@ from dsz_daemon.diagnose.unlisted import Found, wheel_squares
 _PROFILE_SHARES = 2.0
 # A wind may be a bank that gains so much of what it does: that is told by a gyro, and judged by more than the yaw rate.
 _MAY_BE_A_BANK = 0.6
+# A name alone is as good as a shape of the car that gains so much more: there are some twenty of these.
+_AS_GOOD = 5.0
 # Of two starts of an effect so close in log likelihood the drive does not choose.
 _ALIKE = 3.0
 # The most promising of two at once; and what makes a gyro show more than its own rate.
@@ -38,7 +40,7 @@ _BLOWN, _OTHERS_OF_A_WIND = "side_wind", 3
 # Than a shape, for two to come in its place; than one of the car, whose place has fewer names.
 _SO_MUCH_MORE, _THAN_OF_A_CAR = 2.0, 1.5
 # What turns a car, one with another, as no single name does.
-_TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_loading", "tyre_relaxation")
+TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_loading", "tyre_relaxation")
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
@@ -253,23 +255,29 @@ def two_instead(
     """Two effects in place of a shape, the most first, where they gain much more: a scale that a ratio hides bends.
 
     Two fit more than one, and may be any of some hundred. What turns a car by its speed is the best that was `tried`,
-    and another of those that do: wheels that turn less the faster it goes are a ratio and a stiffness, too.
+    and another of those that do: wheels that turn less the faster it goes are a ratio and a stiffness, too. One of
+    those that was not tried may be as good alone: what a screening expects of it is a step's.
     """
     shown = np.array([channel == shape.channel for channel in CHANNELS])
-    pairs, factor = screening.pairs(shown)[:_PAIRS], _SO_MUCH_MORE
+    instead: list[tuple[str, ...]] = [*screening.pairs(shown)[:_PAIRS]]
+    factor = _SO_MUCH_MORE
     if is_of_the_car(shape.effect.name):
         factor = _THAN_OF_A_CAR
-        for first in [step.effect for step in tried if step.effect in _TURNS][:1]:
-            others = sorted(set(_TURNS) - {first, *trial.best.effects})
-            pairs += [(first, other) for other in others if {first, other} not in map(set, pairs)]
-    two = _tried_at_once(trial, [(pair, trial.best.x) for pair in pairs], refused, each)
-    new = len(trial.best.effects)
-    return [
-        step
-        for step in two
-        if step.gain > factor * shape.gain
-        and all(is_told(trial.drive, step.fit, effect) for effect in step.fit.effects[new:])
-    ]
+        known, others = {step.effect for step in tried}, sorted(set(TURNS) - {*trial.best.effects})
+        for first in [step.effect for step in tried if step.effect in TURNS][:1]:
+            more = [(first, other) for other in others if other != first]
+            instead += [pair for pair in more if set(pair) not in map(set, instead)]
+        instead += [(other,) for other in others if other not in known]
+    found = _tried_at_once(trial, [(names, trial.best.x) for names in instead], refused, each)
+    already = len(trial.best.effects)
+
+    def is_better(step: Step) -> bool:
+        new = step.fit.effects[already:]
+        if len(new) == 1:
+            return step.gain > shape.gain / SURELY - _AS_GOOD
+        return step.gain > factor * shape.gain and all(is_told(trial.drive, step.fit, effect) for effect in new)
+
+    return [step for step in found if is_better(step)]
 
 
 def _tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], each: Each) -> list[Step]:

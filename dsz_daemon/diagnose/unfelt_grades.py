@@ -10,7 +10,7 @@ how the car moves, and nothing of where it is: neither what is quick nor what ch
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from typing import NamedTuple
 
@@ -19,10 +19,13 @@ import numpy as np
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, Ints, Rows
 from dsz_daemon.diagnose.correlation import correlated_rows
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
 
-PITCH_GYRO = 1
+ROLL_GYRO, PITCH_GYRO = 0, 1
+# What a road that climbs all the way shows: a car that turns on it rolls by as much of its turn, r gamma.
+_ROLLS_BY_THE_TURN = INDEX["gyro_cross_axis.xz"]
 # So far apart are the roads of two recordings.
 _ELSEWHERE_M = 1e6
 # What is averaged; no more of them than a matrix may have rows.
@@ -37,6 +40,15 @@ _TURNS, _TURN = 3, 0.5
 def climbs_unfelt(drive: Drive) -> bool:
     """Whether there is no pitch gyro, but an accelerometer that shows something as the car rolls."""
     return bool(np.isnan(drive.measured[:, PITCH_GYRO]).all() and _shows_on_the_way(drive).any())
+
+
+def evenly_by(drive: Drive, effects: Collection[str]) -> int | None:
+    """The column of what a grade that no pitch gyro feels is all the way, where a roll gyro tells that; else None.
+
+    The profile is the accelerometer's, without what is an offset's as well.
+    """
+    is_told = "road_grade" in effects and climbs_unfelt(drive) and np.isfinite(drive.measured[:, ROLL_GYRO]).any()
+    return _ROLLS_BY_THE_TURN if is_told else None
 
 
 def _shows_on_the_way(drive: Drive) -> Bools:

@@ -18,11 +18,12 @@ from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit, values_of
 from dsz_daemon.diagnose.jumps import jump_in
-from dsz_daemon.diagnose.motion import AY, R
+from dsz_daemon.diagnose.motion import AY, G, R
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Moving, driven
 from dsz_daemon.diagnose.pulls import is_much
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.shape_names import SHAPE, with_shapes
+from dsz_daemon.diagnose.uneven_scales import is_anothers, uneven
 from dsz_daemon.diagnose.wheel_readings import locks_in_front
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -33,7 +34,7 @@ LEAST_ROWS = 500
 # A wheel differs from what all of them have in common by so many of its spreads.
 _WHEEL_SPREADS = 3.0
 # The best of some hundred shapes and channels is so good by chance, and a parameter more has to be paid for.
-BY_CHANCE = math.log(132.0)
+BY_CHANCE = math.log(150.0)
 CHOSEN_OF_MANY = BY_CHANCE + 3.0
 # A sensor that sticks does so within some tenths of a m/s2 of nothing.
 _STUCK_MPS2 = 0.2
@@ -104,7 +105,7 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "delta": (steer, "rad"),
         "delta'": (np.gradient(steer, DT_S), "rad/s"),
     }
-    return shapes
+    return shapes | uneven("r", r, "rad/s") | uneven("ax", v_rate, "m/s2") | uneven("ay", side, "m/s2")
 
 
 def is_named(shape: str, channel: str) -> bool:
@@ -112,7 +113,8 @@ def is_named(shape: str, channel: str) -> bool:
 
     And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none.
     """
-    return (shape == "delta" and channel in {"gyro_z", "accel_y"}) or (shape == "r" and channel.startswith("gyro"))
+    named = (shape == "delta" and channel in {"gyro_z", "accel_y"}) or (shape == "r" and channel.startswith("gyro"))
+    return named or is_anothers(shape, channel)
 
 
 def best_shape(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> Found | None:
@@ -240,6 +242,9 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         for side, sign in (("l", 1.0), ("r", -1.0)):
             wheel = f"wheel_speed_{'f' if in_front else 'r'}{side}"
             found.append(Shape(wheel, "k*r", Coefficient(sign * half_m * value, half_m * std, "(m/s)/(rad/s)"), 1.0))
+    if "nose_lift" in told:
+        value, std = values_of(drive, fit, "nose_lift")["rad_per_v2"]
+        found.append(Shape("accel_x", "k*vx^2", Coefficient(G * value, G * std, "(m/s2)/(m2/s2) of the pitch"), 1.0))
     if "steering_lag" in told:
         value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]
         late = Coefficient(-value, std, "rad/(rad/s) of the front wheels")

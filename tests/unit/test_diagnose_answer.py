@@ -160,6 +160,8 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     search: Any = SimpleNamespace(best=best, drive=None)
     untold = {"road_bank", "road_grade"}
     monkeypatch.setattr(told_roads, "_untold_evenly", lambda *_: untold)
+    by_the_turn: int | None = None
+    monkeypatch.setattr(told_roads, "evenly_by", lambda *_: by_the_turn)
     offsets = {"offset_accel_x": (0.1, 0.01), "offset_accel_y": (0.2, 0.01), "mass_kg": (0.0, 0.0)}
     monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
     told = answer._offsets(search)
@@ -175,6 +177,17 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     assert answer._offsets(search, grade)["offset_accel_x"] == (0.1, 0.01)
     assert answer._offsets(search, grade)["offset_accel_y"] == told["offset_accel_y"]
     assert answer._offsets(search) == told
+    # What the roll gyro alone shows of it is in no accelerometer's offset yet.
+    by_the_turn = INDEX["gyro_cross_axis.xz"]
+    best.x[by_the_turn] = 0.02
+    climbs = told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad
+    np.testing.assert_allclose(climbs, road.grade_rad + 0.02)
+    assert answer._offsets(search, grade)["offset_accel_x"] == (pytest.approx(0.1 - 9.80665 * 0.02), 0.01)
+    assert answer._offsets(search) == told
+    # Unless it is said to leak.
+    best.effects = ("road_grade", "gyro_cross_axis")
+    np.testing.assert_allclose(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, road.grade_rad)
+    by_the_turn = None
     untold = {"road_bank", "road_grade"}
     # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
     best.effects = ("road_grade", "imu_misalignment")

@@ -8,7 +8,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.eccentric import circle_of
+from dsz_daemon.diagnose.eccentric import circle_of, parts_of
 from dsz_daemon.diagnose.search import Search, searched
 
 RATIO, CIRCLE_RAD = 16.0, 0.006
@@ -44,6 +44,29 @@ def test_an_offset_beside_a_circle_is_one(far: float) -> None:
     assert [cause.effect for cause in said.causes] == ["steering_offset"]
     assert said.causes[0].parameters["offset_rad"].value == pytest.approx(-0.004 - CIRCLE_RAD, abs=3e-4)
     assert [shape.shape for shape in said.unlisted] == ["k*(1-cos(2*hand))"]
+
+
+@pytest.mark.parametrize("far", [2.0, 4.0])
+@pytest.mark.parametrize("phase_rad", [0.6, -0.5])
+def test_a_circle_that_begins_elsewhere_is_neither_an_offset_nor_a_ratio(phase_rad: float, far: float) -> None:
+    """Near its zero it is an offset, and steep: sin(hand + phase) = sin(phase) cos(hand) + cos(phase) sin(hand)."""
+    hand = RATIO * STEER[far]
+    one = drive({}, CITY_V, STEER[far] + CIRCLE_RAD * np.sin(hand + phase_rad))._replace(steer=STEER[far])
+    said = answered(searched(one, rows_of(one), TOLERANCE))
+    assert said.causes == []
+    assert any("cos(hand)" in shape.shape for shape in said.unlisted)
+
+
+def test_of_a_circle_with_a_ratio_beside_it_the_zero_is_told_less_surely() -> None:
+    """Half of it, where the other half is a ratio: what is left of an offset there is none."""
+    found = searched_with(-0.3 * CIRCLE_RAD, 2.0)
+    assert parts_of(found.drive, found.best) == set()
+    assert circle_of(found.drive, found.best) is None
+    beside = found.best._replace(effects=(*found.best.effects, "steering_ratio"))
+    assert parts_of(found.drive, beside) == {"steering_offset", "steering_ratio"}
+    apart = searched_with(-0.7 * CIRCLE_RAD, 2.0)
+    beside = apart.best._replace(effects=(*apart.best.effects, "steering_ratio"))
+    assert parts_of(apart.drive, beside) == {"steering_ratio"}
 
 
 @pytest.mark.parametrize("left_out", [{}, {"steering_offset.offset_rad": 0.004}])

@@ -203,11 +203,30 @@ def test_what_turns_a_car_is_held_against_the_best_name_with_another(monkeypatch
         steps = two_instead(trial, screening, tried, set(), turning._replace(gain=share * first.gain), map)
         assert (pair in [step.fit.effects for step in steps]) == there
     # Without one that turns a car, or beside a sensor's own shape, or where it is in the model, none is thought of.
-    assert two_instead(trial, screening, tried[:1], set(), turning, map) == []
+    assert all(len(step.fit.effects) == 1 for step in two_instead(trial, screening, tried[:1], set(), turning, map))
     assert two_instead(trial, screening, tried, set(), turning._replace(effect=effect), map) == []
     there = Trial(one, rows, level._replace(effects=("cornering_stiffness",)), TOLERANCE, screening.known)
     steps = two_instead(there, screening, tried, set(), turning, map)
     assert all(step.fit.effects.count("cornering_stiffness") == 1 for step in steps)
+
+
+@pytest.mark.parametrize(("more", "is_there"), [(4.5, True), (5.5, False)])
+def test_a_name_that_was_not_tried_is_as_good_as_a_shape_that_gains_little_more(more: float, is_there: bool) -> None:
+    """There are many shapes; and what a screening expects of a name is a step's."""
+    one = drive({"steering_ratio.scale": 0.01}, CITY_V, CITY_STEER)
+    rows, [level] = fits(one, ())
+    screening = screened(one, rows, level, TOLERANCE, map)._replace(names=[])
+    trial = Trial(one, rows, level, TOLERANCE, screening.known)
+    gain = trial.judge(trial.fit((("steering_ratio",), level.x))).gain
+    effect = as_effect("gyro_z", "vx*delta", CITY_STEER, "1", 1.0)._replace(name="steering: k*vx*delta")
+    shape = search_module.Found(effect, "gyro_z", "k*vx*delta", 1.0, 1.05 * (gain + more), 1.0, 0.1)
+    alone = [step.fit.effects for step in two_instead(trial, screening, [], set(), shape, map)]
+    assert (("steering_ratio",) in alone) is is_there
+    # What was tried has lost to it already.
+    tried = [Step("steering_ratio", gain, level)]
+    assert ("steering_ratio",) not in [
+        step.fit.effects for step in two_instead(trial, screening, tried, set(), shape, map)
+    ]
 
 
 def with_a_load(inertia: float) -> tuple[Drive, Rows, Fit, Fit, dict[str, tuple[Step, ...]]]:

@@ -20,11 +20,13 @@ from dsz_daemon.diagnose.prediction import ALONG, Drive, nothing, on_road
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.smaller import without_trifles, worth_now
+from dsz_daemon.diagnose.told_roads import told_road
 from dsz_daemon.diagnose.unfelt_grades import (
     along_the_way,
     by_place,
     cell_means,
     climbs_unfelt,
+    evenly_by,
     rises_and_falls,
     way_of,
 )
@@ -128,6 +130,47 @@ def test_with_a_pitch_gyro_the_road_is_that_gyros() -> None:
     assert fitted(felt, rows, nothing(), ("road_grade",), TOLERANCE).along is None
     alone = climbing({})
     assert fitted(alone, rows_of(alone), nothing(), ("road_grade",), TOLERANCE).along is not None
+
+
+@pytest.mark.parametrize("evenly", [0.03, -0.02])
+def test_a_roll_gyro_tells_how_much_it_climbs_all_the_way(evenly: float) -> None:
+    """A car that turns on a climb rolls by r gamma: no leak, and no offset of the accelerometer."""
+    search = found(climbing({}, HILLS + evenly, without=(1, 5)))
+    assert search.best.effects == ("road_grade",)
+    said = answered(search)
+    told = told_road(search.drive, search.best, ["road_grade"])[0].grade_rad
+    assert np.mean(told) == pytest.approx(np.mean(HILLS) + evenly, abs=2e-3)
+    assert np.std((told - HILLS)[INSIDE]) < np.radians(0.15)
+    assert abs(said.offsets["offset_accel_x"].value) < 0.03
+    rms = said.causes[0].parameters["rms_rad"]
+    assert rms.value == pytest.approx(np.sqrt(np.mean((HILLS + evenly) ** 2)), rel=0.03)
+    assert rms.std is not None
+    assert rms.std < 0.05 * rms.value
+
+
+def test_without_a_roll_gyro_what_it_climbs_all_the_way_is_an_offset() -> None:
+    search = found(climbing({}, HILLS + 0.03))
+    said = answered(search)
+    told = told_road(search.drive, search.best, ["road_grade"])[0].grade_rad
+    assert np.mean(told) == pytest.approx(0.0, abs=1e-4)
+    assert said.offsets["offset_accel_x"].value == pytest.approx(G * (np.mean(HILLS) + 0.03), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("effects", "without", "is_told"),
+    [
+        (("road_grade",), (1, 5), True),
+        (("road_grade",), (0, 1, 5), False),
+        (("road_grade",), (), False),
+        (("road_bank",), (1, 5), False),
+    ],
+)
+def test_the_leak_of_a_turn_is_free_where_it_tells_a_climb(
+    effects: tuple[str, ...], without: tuple[int, ...], is_told: bool
+) -> None:
+    one = climbing({}, HILLS, without)
+    assert evenly_by(one, effects) == (INDEX["gyro_cross_axis.xz"] if is_told else None)
+    assert (INDEX["gyro_cross_axis.xz"] in fitted(one, rows_of(one), nothing(), effects, TOLERANCE).columns) is is_told
 
 
 def test_other_places_tell_what_is_between() -> None:

@@ -260,7 +260,9 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pyte
     columns = tuple(BUILT_IN.columns_of("road_bank"))
     covariance = 0.004**2 * np.eye(len(columns))
     rows: Any = SimpleNamespace(at=np.arange(0, n, 4), used=np.ones((n // 4, 13), dtype=np.bool_))
-    fit: Any = SimpleNamespace(x=nothing(), road=road, columns=columns, covariance=covariance, felt=lambda _: road)
+    fit: Any = SimpleNamespace(
+        x=nothing(), road=road, columns=columns, covariance=covariance, felt=lambda _: road, effects=("road_bank",)
+    )
     told = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
     assert told is not None
     value, std = told["rms_rad"]

@@ -1,0 +1,161 @@
+"""A number that is none: a scale to one side only or that comes with the time, a ratio that follows the speed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.diagnose import unnamed
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.search import fitted
+from dsz_daemon.diagnose.unlisted import is_named
+from dsz_daemon.diagnose.unnamed import not_named
+
+CHANNEL = {"gyro_z": 2, "accel_x": 3, "accel_y": 4}
+OWN = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
+G = 9.80665
+
+
+def showing(channel: str, share: np.ndarray) -> Drive:
+    """A channel that shows so much more (n,) of what it shows."""
+    c = CHANNEL[channel]
+    own = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, c]
+
+    def more(one: Drive) -> None:
+        one.measured[:, c] += share * own
+
+    return drive({}, CITY_V, CITY_STEER, change=more)
+
+
+@pytest.mark.parametrize("channel", ["gyro_z", "accel_y"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_a_sensor_shows_more_to_one_side_is_no_scale(channel: str, sign: float) -> None:
+    own = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, CHANNEL[channel]]
+    said = answered(found(showing(channel, 0.08 * (sign * own > 0.0))))
+    assert said.causes == []
+    [shape] = said.unlisted
+    assert shape.channel == channel
+    assert shape.shape == f"k*{OWN[channel]} where {OWN[channel]} {'>' if sign > 0.0 else '<'} 0"
+    assert shape.coefficient.value == pytest.approx(0.08, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("share", "name", "k"),
+    [
+        (0.1 * (1.0 - np.exp(-T / 60.0)), "{}*(1-exp(-t/60 s))", 0.1),
+        (0.1 * np.exp(-T / 60.0), "{}*exp(-t/60 s)", 0.1),
+        (0.002 * T, "{}*t", 0.002),
+    ],
+    ids=["comes", "goes", "with time"],
+)
+@pytest.mark.parametrize("channel", ["gyro_z", "accel_y"])
+def test_what_a_sensor_shows_more_as_it_warms_up_is_no_scale(
+    channel: str, share: np.ndarray, name: str, k: float
+) -> None:
+    said = answered(found(showing(channel, share)))
+    assert said.causes == []
+    [shape] = said.unlisted
+    assert (shape.channel, shape.shape) == (channel, f"k*{name.format(OWN[channel])}")
+    assert shape.coefficient.value == pytest.approx(k, rel=0.1)
+
+
+@pytest.mark.parametrize("channel", ["gyro_z", "accel_y"])
+def test_a_scale_is_one_all_the_way(channel: str) -> None:
+    said = answered(found(showing(channel, np.full(N, 0.01))))
+    assert [cause.effect for cause in said.causes] == [f"{channel.partition('_')[0]}_scale"]
+    assert said.unlisted == []
+
+
+def test_each_sensor_has_its_own_uneven_scales() -> None:
+    for name in ("{} where {} > 0", "{} where {} < 0", "{}*t", "{}*(1-exp(-t/60 s))", "{}*exp(-t/60 s)"):
+        for channel in ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"):
+            for other, own in OWN.items():
+                assert is_named(name.format(own, own), channel) == (channel != other)
+    # What is no scale at all is every channel's.
+    assert not is_named("ax*ay", "accel_y")
+    assert not is_named("r*|r|", "accel_x")
+
+
+RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
+
+
+@pytest.mark.parametrize(
+    ("effects", "silent"),
+    [
+        ((RATIO,), set()),
+        ((RATIO, BY_SPEED), {RATIO}),
+        ((RATIO, "rear steering: k*tanh((vx-15)/7)*delta"), {RATIO}),
+        ((RATIO, "rear steering: k*delta"), set()),
+        ((RATIO, "gyro_z: k*vx^2"), set()),
+        ((RATIO, "steering: k*sin(2*hand)"), {RATIO}),
+        ((RATIO, "steering: k*(1-cos(hand))"), {RATIO}),
+        (("tyre_saturation", RATIO, "gyro_z: k*ax*ay", "accel_y: k*ax*ay"), {RATIO, "tyre_saturation"}),
+        (("tyre_saturation", RATIO, "gyro_z: k*ax*ay", "accel_y: k*ay^3"), set()),
+        (("tyre_saturation", RATIO, "gyro_x: k*ax*ay", "accel_y: k*ax*ay"), set()),
+        ((RATIO, "locked_axle", "gyro_scale"), {RATIO, "locked_axle"}),
+    ],
+)
+@pytest.mark.parametrize("is_told", [True, False])
+def test_beside_what_has_no_name_nothing_is_named_that_it_explains(
+    monkeypatch: pytest.MonkeyPatch, effects: tuple[str, ...], silent: set[str], is_told: bool
+) -> None:
+    """Of what is named beside an axle that is locked, for that has to be told."""
+    monkeypatch.setattr(unnamed, "is_told", lambda *_: is_told)
+    fit: Any = SimpleNamespace(effects=effects)
+    if "locked_axle" in effects and not is_told:
+        silent = {"locked_axle"}
+    assert not_named(SimpleNamespace(), fit) & set(effects) == silent  # type: ignore[arg-type]
+
+
+def lifted(k: float, without: tuple[int, ...] = ()) -> Drive:
+    """A nose that lifts by k v^2, of what that is: what pushes ahead and up, a pitch rate, a turn in the roll gyro."""
+    v_rate = np.gradient(CITY_V, T)
+    r = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, 2]
+
+    def change(one: Drive) -> None:
+        lift = k * CITY_V**2
+        one.measured[:, 0] += lift * r
+        one.measured[:, 1] -= 2.0 * k * CITY_V * v_rate
+        one.measured[:, 3] += G * lift
+        one.measured[:, 5] -= v_rate * lift
+        one.measured[:, without] = np.nan
+
+    return drive({}, CITY_V, CITY_STEER, change=change)
+
+
+@pytest.mark.parametrize("k", [1e-4, -6e-5])
+def test_a_nose_that_lifts_with_the_speed_is_no_road(k: float) -> None:
+    said = answered(found(lifted(k)))
+    assert said.causes == []
+    [shape] = said.unlisted
+    assert (shape.channel, shape.shape) == ("accel_x", "k*vx^2")
+    assert shape.coefficient.value == pytest.approx(G * k, rel=0.03)
+
+
+def test_where_no_gyro_feels_a_nose_lift_it_is_an_accelerometers_own() -> None:
+    one = lifted(1e-4, without=(0, 1, 5))
+    rows = rows_of(one)
+    screening = screened(one, rows, fitted(one, rows, nothing(), (), TOLERANCE), TOLERANCE, map)
+    assert "nose_lift" not in screening.of_effects
+    said = answered(found(one))
+    assert said.causes == []
+    assert [(shape.channel, shape.shape) for shape in said.unlisted] == [("accel_x", "k*vx^2")]
+
+
+def test_a_nose_lift_leaves_the_car_alone() -> None:
+    """Nothing of the motion is another: only what an IMU shows."""
+    one = drive({}, CITY_V, CITY_STEER)
+    x = nothing()
+    x[INDEX["nose_lift.rad_per_v2"]] = 1e-4
+    change = predicted(one, x, flat(N)) - predicted(one, nothing(), flat(N))
+    assert np.all(change[:, [2, *range(6, 13)]] == pytest.approx(0.0, abs=1e-4))
+    again = predicted(one, nothing(), flat(N)) - predicted(one, nothing(), flat(N))
+    assert not again.any()
