@@ -71,7 +71,8 @@ def with_own_numbers(
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
     # Wheels roll as any car's do, and numbers turn any car: where one doesn't, something else is wrong than numbers.
-    if any(map(is_of_the_car, anew.best.effects)) or far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
+    is_odd = any(map(is_of_the_car, anew.best.effects)) or "locked_axle" in anew.best.effects
+    if is_odd or far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
         return found, 0.0
     # Of a ratio and of axles that come to the same on a drive none is told: then names say more.
     errors = parameter_errors(anew, each)

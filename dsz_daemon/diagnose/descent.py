@@ -7,7 +7,7 @@ turned by what each step shows, and taken again where no step gets further or wh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -71,7 +71,8 @@ class Slope(NamedTuple):
     """What a descent works with: the fitted `columns`, their `sizes` (p,), inf for what is linear anyway.
 
     `taken`: sensitivities (k, 13, p) at a place; `box`: how far the columns may go from some parameters; `leans`:
-    whether the body does so on a bank.
+    whether the body does so on a bank. `moments`: columns that are times, of which a drive tells little but where it
+    does much, so that a step by their slopes may go anywhere.
     """
 
     drive: Drive
@@ -82,6 +83,7 @@ class Slope(NamedTuple):
     taken: Callable[[Place], Floats]
     box: Callable[[Floats], Box]
     leans: bool = False
+    moments: Sequence[int] = ()
 
     def place(self, x: Floats, felt: Felt) -> Place:
         """What there is for these parameters, the body's lean to forces that are in no simulation included."""
@@ -123,7 +125,7 @@ class Slope(NamedTuple):
         return Learnt(self.taken(here) if known is None else known, bent)
 
     def step(self, here: Place, learnt: Learnt) -> Step | None:
-        """The next step; None where it only goes up."""
+        """The next step, if need be without another moment; None where it only goes up."""
         found = sums(self.rows, here.left, learnt.slopes, here.scatter, _FAR)
         squares, cross = found.squares.sum(axis=(0, 1)), found.cross.sum(axis=(0, 1))
         if self.leans:
@@ -131,7 +133,15 @@ class Slope(NamedTuple):
             at = [self.columns.index(column) for column in lean.columns]
             squares[np.ix_(at, at)] += lean.squares
             cross[at] += lean.cross
-        step = solved(squares, cross, self.box(here.x))
+        box = self.box(here.x)
+        if (down := self._along(here, solved(squares, cross, box))) is not None:
+            return down
+        still = [self.columns.index(i) for i in self.moments if i in self.columns]
+        box.low[still] = box.high[still] = 0.0
+        return self._along(here, solved(squares, cross, box)) if still else None
+
+    def _along(self, here: Place, step: Floats) -> Step | None:
+        """As much of a step (p,) as takes something off; None where none of it does."""
         before = self.loss(here, here.left, here.bent)
         share = 1.0
         while share > _RESTS:

@@ -21,6 +21,8 @@ _TOLD_APART = 1e-10
 _WELL_APART = 1e-6
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
+# Of what all kinds of manoeuvres show of a parameter, the others of one kind show so much, or are not asked.
+_SHOWN_BY_OTHERS = 0.03
 _ROUNDING = 1e-6
 # Rounds of a search for what stands at its bound; few take more than three.
 _MOST_HELD = 12
@@ -228,7 +230,8 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
     """Sum of squares (b, c) of each block, of a fit of `columns` that has seen none of its kind (b,).
 
     Calm driving leaves open what a hard bend will show: an error that large has to be expected (by the spread of the
-    parameters, sandwich) and speaks against nothing; only what is beyond it is counted. `per_row` as below.
+    parameters, sandwich) and speaks against nothing; only what is beyond it is counted. `per_row` as below. What one
+    kind shows nearly alone no other is asked for: it stays as all of them have it.
     """
     chosen = np.array(columns, dtype=np.int64)
     part = Box(box.low[chosen], box.high[chosen], box.weight[chosen])
@@ -243,8 +246,12 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
     for k in range(len(there)):
         seen, unseen = np.arange(len(there)) != k, kind == k
         own = squares[seen].sum(axis=0)
-        step = solved(own, cross[seen].sum(axis=0), part)
-        bread = inverse(own + np.diag(np.maximum(part.weight, 1e-12)))
+        asked = np.diag(own) > _SHOWN_BY_OTHERS * np.diag(own + squares[~seen].sum(axis=0))
+        step, bread = whole.copy(), np.zeros_like(own)
+        here = np.ix_(asked, asked)
+        rest = cross[seen].sum(axis=0)[asked] - own[asked][:, ~asked] @ whole[~asked]
+        step[asked] = solved(own[here], rest, Box(part.low[asked], part.high[asked], part.weight[asked]))
+        bread[here] = inverse(own[here] + np.diag(np.maximum(part.weight[asked], 1e-12)))
         pulls = _pulls(found.squares, found.cross, chosen, step)[~unseen]
         meats = (lasting[seen].sum(axis=0), pulls.T @ pulls)
         expected = np.max([_traces(found.squares, chosen, bread @ meat @ bread, unseen) for meat in meats], axis=0)

@@ -242,7 +242,7 @@ def fitted(
 
     asked = None if is_hopeless is None else lambda here, slopes: is_hopeless(judged(here, slopes))
     floor = _floors(drive, rows, x, effects, felt)
-    slope = Slope(drive, rows, floor, columns, sizes, taken, box, leans_on_a_bank(effects))
+    slope = Slope(drive, rows, floor, columns, sizes, taken, box, leans_on_a_bank(effects), moments)
     here, given = slope.place(x, felt), None if known is None else known.of(x, effects, columns)
     here, learnt = descended(slope, here, given, settled, roughly=given is not None, is_hopeless=asked)
     if known is None and not learnt.is_exact:

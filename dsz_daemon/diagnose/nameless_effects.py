@@ -56,4 +56,11 @@ NAMELESS = (
         SENSORS,
         (Parameter("rad_per_v2", "rad s2/m2", 3e-6, -2e-4, 2e-4, 1e-6),),
     ),
+    Effect(
+        "wheels_more",
+        "All wheels that roll show {offset_mps:+.2f} m/s more than they do",
+        "reading = omega r + k",
+        CAR,
+        even("offset_mps", "m/s", 0.02, 3.0, 0.05),
+    ),
 )

@@ -42,6 +42,8 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 _TO_AN_AXLE = 0.6
 # What is slippery for more of the way is so all the way.
 _FOR_A_WHILE = 0.9
+# Bodies go up and down on their springs by 1 to 2 Hz, and roads, as they are driven on, much more slowly.
+_BOUNCES_HZ = 0.5
 _ROLL_GYRO = 0
 _AHEAD = INDEX["side_wind.ahead_m"]
 
@@ -58,7 +60,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return not rises_and_falls(way_of(drive), fit.road.grade_rad)
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
-        if _is_denied_by_its_gyro(drive, rows, fit, gyro):
+        if _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect):
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -187,6 +189,14 @@ def _is_denied_by_its_gyro(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
         return float(np.var(means)) if len(means) else 0.0
 
     return slowly(left) > _UNFELT * slowly(left + (road - flat_road)[used])
+
+
+def _bounces(fit: Fit, effect: str) -> bool:
+    """Whether a road tilts to and fro as quickly as a body does on its springs, for the most part."""
+    tilt = fit.road.bank_rad if effect == "road_bank" else fit.road.grade_rad
+    power = np.abs(np.fft.rfft((tilt - np.mean(tilt)) * np.hanning(len(tilt)))) ** 2
+    quick = np.fft.rfftfreq(len(tilt), DT_S) > _BOUNCES_HZ
+    return bool(np.sum(power[quick]) > 0.5 * np.sum(power))
 
 
 def _is_no_stretch(drive: Drive, fit: Fit) -> bool:

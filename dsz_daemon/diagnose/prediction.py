@@ -49,7 +49,7 @@ _WHEELS = ("fl", "fr", "rl", "rr")
 # Whatever is known before the car moves sideways depends on these effects' parameters, on these of none, and the road.
 ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
-    | {"steering_lag", "wheel_growth", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
+    | {"steering_lag", "wheel_growth", "wheels_more", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
     | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
     | {"small_wheels", "unturned_wheels"}
 )

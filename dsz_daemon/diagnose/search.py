@@ -48,6 +48,7 @@ from dsz_daemon.diagnose.trials import (
     two_at_once,
     two_instead,
 )
+from dsz_daemon.diagnose.uneven_scales import is_uneven
 from dsz_daemon.diagnose.unlisted import BY_CHANCE, Found
 
 Progress = Callable[[str], None]
@@ -55,6 +56,8 @@ Progress = Callable[[str], None]
 # Beside a wind, of what it gains, what a car does.
 _SHARE_OF_WIND = 0.3
 _MOST_EFFECTS = 6
+# What is no scale to one side, or at one time, has to explain so much more than a scale.
+_SURELY_UNEVEN = 1.2
 # An effect that had to go may come back; not for ever.
 _MOST_STEPS = 12
 # So little may a step still take off what is left of a model that others are compared with.
@@ -267,11 +270,13 @@ def _nameless(
     drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
     found = list[tuple[Drive, Fit, Found]]()
     for shape in likeliest_shapes(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN):
-        if shape.gain <= SURELY * named:
+        # A scale is one number for what is told by two: when, and how much.
+        surely = _SURELY_UNEVEN if is_uneven(shape.shape.removeprefix("k*")) else SURELY
+        if shape.gain <= surely * named:
             continue
         there, shaped, one = _shaped(drive, rows, best, shape, tolerance, each)
         is_enough = one.gain >= asked_of(there, one.effect.name, gains) or is_beyond_form(drive, best, shaped)
-        if is_enough and one.gain > max(SURELY * named, LEAST_GAIN):
+        if is_enough and one.gain > max(surely * named, LEAST_GAIN):
             found.append((there, shaped, one))
     return max(found, key=lambda one: one[2].gain, default=None)
 

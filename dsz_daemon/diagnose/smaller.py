@@ -33,6 +33,9 @@ _OF_SIZES = {
     ("wheel_growth", "track_width"): 0.1,
     ("wheel_growth", "wheel_radius"): 0.1,
     ("wheel_square", "wheel_radius"): 0.5,
+    # A nose follows the speed as its springs let it, by some delay: with how quickly the car goes faster.
+    ("nose_lift", "accel_scale"): 0.1,
+    ("nose_lift", "wheel_growth"): 0.1,
     ("wheel_slip", "wheel_radius"): 0.05,
 }
 # The hand wheel's sine, of which a ratio is one half: an eccentric sensor has both.

@@ -28,10 +28,15 @@ def uneven(name: str, own: Floats, unit: str) -> dict[str, tuple[Floats, str]]:
     }
 
 
+def is_uneven(shape: str) -> bool:
+    """Whether it is one of these, of any channel."""
+    return any(_is_of(shape, name) for name in _OWN.values())
+
+
 def is_anothers(shape: str, channel: str) -> bool:
     """Whether the shape is what another channel shows of its own."""
-    return any(
-        shape.startswith((f"{name} where ", f"{name}*t", f"{name}*(1-exp", f"{name}*exp"))
-        for other, name in _OWN.items()
-        if other != channel
-    )
+    return any(_is_of(shape, name) for other, name in _OWN.items() if other != channel)
+
+
+def _is_of(shape: str, name: str) -> bool:
+    return shape.startswith((f"{name} where ", f"{name}*t", f"{name}*(1-exp", f"{name}*exp"))

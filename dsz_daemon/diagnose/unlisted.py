@@ -226,6 +226,10 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         value, std = values_of(drive, fit, "wheel_growth")["per_v2"]
         named = [f"wheel_speed_{wheel}" for wheel in ("fl", "fr", "rl", "rr")]
         found += [Shape(channel, "k*vx^3", Coefficient(-value, std, "(m/s)/(m3/s3)"), 1.0) for channel in named]
+    if "wheels_more" in told:
+        value, std = values_of(drive, fit, "wheels_more")["offset_mps"]
+        more = Coefficient(value, std, "m/s")
+        found += [Shape(f"wheel_speed_{wheel}", "k where vx > 0", more, 1.0) for wheel in ("fl", "fr", "rl", "rr")]
     if "imu_clock" in told:
         value, std = values_of(drive, fit, "imu_clock")["per_s"]
         there = [c for c in range(len(IMU_CHANNELS)) if np.isfinite(drive.measured[:, c]).any()]

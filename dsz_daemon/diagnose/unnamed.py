@@ -9,6 +9,7 @@ from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_names import SHAPE, is_shape, steers_by_speed
 from dsz_daemon.diagnose.trials import TURNS
+from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 
@@ -24,7 +25,15 @@ def not_named(drive: Drive, fit: Fit) -> set[str]:
         names |= {*TURNS}
     if _turns_without_a_name(fit):
         names |= {*TURNS, *GRIP}
+    # A bank that no roll gyro feels is what these two show: it is none where either shows something else.
+    if is_unfelt(drive) and {"gyro_z", "accel_y"} & _with_own_shapes(fit):
+        names |= {"road_bank"}
     return names
+
+
+def _with_own_shapes(fit: Fit) -> set[str]:
+    """The channels that have a shape of their own, and none of the car's."""
+    return {effect.partition(SHAPE)[0] for effect in fit.effects if is_shape(effect)}
 
 
 def _turns_without_a_name(fit: Fit) -> bool:

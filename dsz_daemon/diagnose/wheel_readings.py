@@ -1,4 +1,4 @@
-"""What wheels show of how fast they roll: a square of it more, and less as tyres grow with speed."""
+"""What wheels show of how fast they roll: a square of it more, less as tyres grow with speed, or a constant more."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 _WHEELS = ("fl", "fr", "rl", "rr")
 _SQUARES, _GROWTH = np.array([INDEX[f"wheel_square.{wheel}"] for wheel in _WHEELS]), INDEX["wheel_growth.per_v2"]
+_MORE = INDEX["wheels_more.offset_mps"]
+# What rolls slower stands, as far as readings go.
+_ROLLS_MPS = 0.5
 
 
 def locks_in_front(car: Car) -> bool:
@@ -24,11 +27,15 @@ def as_they_read(rolled_mps: Floats, x: Floats) -> Floats:
     """The wheels' readings (n, 4) of what they roll, at the radii that they have at rest."""
     if x[_GROWTH] != 0.0:
         rolled_mps = rolled_mps / (1.0 + x[_GROWTH] * rolled_mps**2)
-    return rolled_mps + x[_SQUARES] * rolled_mps**2 if x[_SQUARES].any() else rolled_mps
+    if x[_SQUARES].any():
+        rolled_mps = rolled_mps + x[_SQUARES] * rolled_mps**2
+    return np.where(rolled_mps > _ROLLS_MPS, rolled_mps + x[_MORE], rolled_mps) if x[_MORE] != 0.0 else rolled_mps
 
 
 def as_they_roll(read_mps: Floats, x: Floats) -> Floats:
     """What the wheels roll (n, 4) by their readings."""
+    if x[_MORE] != 0.0:
+        read_mps = np.where(read_mps > _ROLLS_MPS, np.maximum(read_mps - x[_MORE], 0.0), read_mps)
     if x[_SQUARES].any():
         read_mps = read_mps - x[_SQUARES] * read_mps**2
     if x[_GROWTH] == 0.0:
