@@ -22,7 +22,7 @@ _WELL_APART = 1e-6
 # What is left open is no denial up to so many times the square that is expected: two standard deviations.
 _LEFT_OPEN = 4.0
 # Of what all kinds of manoeuvres show of a parameter, the others of one kind show so much, or are not asked.
-_SHOWN_BY_OTHERS = 0.03
+_SHOWN_BY_OTHERS = 0.015
 _ROUNDING = 1e-6
 # Rounds of a search for what stands at its bound; few take more than three.
 _MOST_HELD = 12
@@ -250,8 +250,9 @@ def held_out_kinds(found: Sums, columns: Sequence[int], box: Box, kind: Ints, pe
         step, bread = whole.copy(), np.zeros_like(own)
         here = np.ix_(asked, asked)
         rest = cross[seen].sum(axis=0)[asked] - own[asked][:, ~asked] @ whole[~asked]
-        step[asked] = solved(own[here], rest, Box(part.low[asked], part.high[asked], part.weight[asked]))
-        bread[here] = inverse(own[here] + np.diag(np.maximum(part.weight[asked], 1e-12)))
+        if asked.any():
+            step[asked] = solved(own[here], rest, Box(part.low[asked], part.high[asked], part.weight[asked]))
+            bread[here] = inverse(own[here] + np.diag(np.maximum(part.weight[asked], 1e-12)))
         pulls = _pulls(found.squares, found.cross, chosen, step)[~unseen]
         meats = (lasting[seen].sum(axis=0), pulls.T @ pulls)
         expected = np.max([_traces(found.squares, chosen, bread @ meat @ bread, unseen) for meat in meats], axis=0)

@@ -18,6 +18,8 @@ from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 
 # Those that a linear step brings so much of what it brings the best.
 _WORTH = 0.05
+# What is so seldom that it is thought of alone, and not in the place of one of two that are not.
+_SELDOM = frozenset({"nose_lift", "wheels_more"})
 # What is no more than an accelerometer's own square where this gyro is not there.
 _BY_A_GYRO = {"nose_lift": 1}
 NEVER_SCREENED = (*OWN_CHANNEL, *GUESSED)
@@ -82,7 +84,7 @@ class Screening(NamedTuple):
         alone = {name: max(self.gain([name]), 0.0) for name in self.of_effects}
         gains = {
             pair: self.gain(pair) - sum(alone[name] for name in pair)
-            for pair in combinations(self.of_effects, 2)
+            for pair in combinations([name for name in self.of_effects if name not in _SELDOM], 2)
             if set(pair) & set(first)
         }
         return [pair for pair in sorted(gains, key=lambda pair: -gains[pair]) if gains[pair] > LEAST_GAIN]

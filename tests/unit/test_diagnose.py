@@ -337,6 +337,19 @@ def test_what_calm_driving_leaves_open_denies_nothing(seed: int) -> None:
     assert np.sum((left[250:] - calm * slopes[250:]) ** 2) > 1.3 * np.sum(left[250:] ** 2)
 
 
+@pytest.mark.parametrize(("share", "is_asked"), [(0.1, False), (0.15, True)])
+def test_what_one_kind_shows_nearly_alone_the_others_are_not_asked(share: float, is_asked: bool) -> None:
+    """Of a slope of 0.1 they show 1 % of its square, of 0.15 2.2 %: the rest are errors that hang together there."""
+    rng = np.random.default_rng(4)
+    hard = np.arange(500) >= 250
+    slopes = rng.normal(size=500) * np.where(hard, 1.0, share)
+    left = slopes * np.where(hard, 1.0, -9.0) + 1e-3 * rng.normal(size=500)
+    unseen = held_out_kinds(one_slope(slopes, left), [0], ONE, KINDS, np.ones(13)).sum(axis=1)[10:].sum()
+    whole = np.sum(slopes * left) / np.sum(slopes**2)
+    best = float(np.sum((left - whole * slopes)[hard] ** 2))
+    assert unseen == pytest.approx(best if not is_asked else 100.0 * float(np.sum(slopes[hard] ** 2)), rel=0.05)
+
+
 def test_a_spread_is_that_of_whole_blocks() -> None:
     """Errors that are the same all through a block: sum of (25 c_b)^2 over the square of 500, by hand."""
     errors = np.random.default_rng(6).normal(size=20)

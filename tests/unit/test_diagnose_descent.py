@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import descent, fit
 from dsz_daemon.diagnose.comparison import Rows, rows_of, sensitivities
 from dsz_daemon.diagnose.descent import Learnt, Place, Slope, Step, turned
-from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.effects import INDEX, vocabulary
 from dsz_daemon.diagnose.fit import Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.prediction import driven, flat, nothing, predicted, shown
 from dsz_daemon.diagnose.unlisted import as_effect
@@ -294,3 +294,32 @@ def test_a_car_that_spins_away_is_shown_without_a_word() -> None:
     moving = driven(one, x, flat(N))
     spun = moving._replace(moved=np.full_like(moving.moved, 1e200))
     assert not np.isfinite(shown(one, x, spun)).all()
+
+
+@pytest.mark.parametrize("with_moments", [True, False])
+def test_a_stretch_whose_end_nothing_tells_holds_no_other_parameter_up(
+    monkeypatch: pytest.MonkeyPatch, with_moments: bool
+) -> None:
+    """It ends on a straight: by its slope there it may end anywhere, before it begins, too."""
+    steer = CITY_STEER * np.where((T > 44.0) & (T < 52.0), 1e-3, 1.0)
+    ice = {"low_friction.inverse_square": 0.25**-2, "low_friction.start_s": 20.0, "low_friction.end_s": 48.0}
+    one = drive(ice | {"sensor_bandwidth.time_constant_s": 0.05}, CITY_V, steer)
+    rows, x = rows_of(one), nothing()
+    for name, value in ice.items():
+        x[INDEX[name]] = value
+    end = INDEX["low_friction.end_s"]
+    original = Slope._along
+
+    def along(slope: Slope, here: Place, step: np.ndarray) -> Step | None:
+        if end in slope.columns and step[slope.columns.index(end)] != 0.0:
+            step = step.copy()
+            step[slope.columns.index(end)] = -40.0
+        return original(slope, here, step)
+
+    monkeypatch.setattr(Slope, "_along", along)
+    if not with_moments:
+        monkeypatch.setattr(fit, "Slope", lambda *given: Slope(*given[:-1]))
+    found = fitted(one, rows, x, ("low_friction", "sensor_bandwidth"), TOLERANCE)
+    followed_s = found.x[INDEX["sensor_bandwidth.time_constant_s"]]
+    assert bool(abs(followed_s - 0.05) < 3e-3) is with_moments
+    assert found.x[end] == pytest.approx(48.0, abs=4.0)

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose import unnamed
+from dsz_daemon.diagnose import plausible, search, unnamed
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import fitted
-from dsz_daemon.diagnose.unlisted import is_named
+from dsz_daemon.diagnose.trials import Step
+from dsz_daemon.diagnose.unlisted import Found, as_effect, is_named
 from dsz_daemon.diagnose.unnamed import not_named
+from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
 
 CHANNEL = {"gyro_z": 2, "accel_x": 3, "accel_y": 4}
 OWN = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
@@ -101,6 +104,10 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         (("tyre_saturation", RATIO, "gyro_z: k*ax*ay", "accel_y: k*ay^3"), set()),
         (("tyre_saturation", RATIO, "gyro_x: k*ax*ay", "accel_y: k*ax*ay"), set()),
         ((RATIO, "locked_axle", "gyro_scale"), {RATIO, "locked_axle"}),
+        (("road_bank", "gyro_z: k*vx^2"), {"road_bank"}),
+        (("road_bank", "accel_y: k*vx^2"), {"road_bank"}),
+        (("road_bank", "accel_x: k*vx^2"), set()),
+        (("road_bank", "steering: k*vx^2"), set()),
     ],
 )
 @pytest.mark.parametrize("is_told", [True, False])
@@ -109,10 +116,77 @@ def test_beside_what_has_no_name_nothing_is_named_that_it_explains(
 ) -> None:
     """Of what is named beside an axle that is locked, for that has to be told."""
     monkeypatch.setattr(unnamed, "is_told", lambda *_: is_told)
+    monkeypatch.setattr(unnamed, "is_unfelt", lambda _: True)
     fit: Any = SimpleNamespace(effects=effects)
     if "locked_axle" in effects and not is_told:
         silent = {"locked_axle"}
     assert not_named(SimpleNamespace(), fit) & set(effects) == silent  # type: ignore[arg-type]
+
+
+def test_a_bank_that_a_roll_gyro_feels_is_named_beside_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unnamed, "is_unfelt", lambda _: False)
+    fit: Any = SimpleNamespace(effects=("road_bank", "gyro_z: k*vx^2"))
+    assert "road_bank" not in not_named(SimpleNamespace(), fit)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("over_a_scale", "is_taken"), [(1.15, False), (1.25, True)])
+@pytest.mark.parametrize("course", ["r where r > 0", "r^3"])
+def test_an_uneven_scale_has_to_explain_a_fifth_more_than_a_name(
+    monkeypatch: pytest.MonkeyPatch, course: str, over_a_scale: float, is_taken: bool
+) -> None:
+    """And another shape a twentieth."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    level = fitted(one, rows, nothing(), (), TOLERANCE)
+    shape = Found(as_effect("gyro_z", course, CITY_STEER, "1", 1.0), "gyro_z", f"k*{course}", 1.0, 0.0, 1.0, 0.1)
+    shape = shape._replace(gain=100.0 * over_a_scale)
+    monkeypatch.setattr(search, "likeliest_shapes", lambda *_, **__: [shape])
+    monkeypatch.setattr(search, "_shaped", lambda *_: (one, level, shape))
+    trial: Any = SimpleNamespace(drive=one, rows=rows, best=level, tolerance=TOLERANCE, known=None)
+    found = search._nameless(trial, [Step("gyro_scale", 100.0, level)], {}, map)
+    assert (found is not None) is (is_taken or course == "r^3")
+
+
+@pytest.mark.parametrize("more_mps", [0.6, -0.3])
+def test_wheels_that_show_a_constant_more_are_no_scale_and_no_ratio(more_mps: float) -> None:
+    """As long as they roll: what the IMU shows is of another speed than they tell."""
+    v = np.where((T > 20.0) & (T < 26.0), 0.0, CITY_V)
+    made = drive({}, v, CITY_STEER)
+    reads = np.where(made.wheels > 0.0, made.wheels + more_mps, 0.0)
+    one = drive_of(made.recording._replace(wheels_mps=reads), made.car, made.steering_ratio)
+    shown = made.measured.copy()
+    shown[:, 6:8] += np.where(v > 0.0, more_mps, 0.0)[:, np.newaxis]
+    said = answered(found(one._replace(measured=shown)))
+    assert said.causes == []
+    assert [(shape.channel, shape.shape) for shape in said.unlisted] == [
+        (f"wheel_speed_{wheel}", "k where vx > 0") for wheel in ("fl", "fr", "rl", "rr")
+    ]
+    assert said.unlisted[0].coefficient.value == pytest.approx(more_mps, rel=0.1)
+    assert said.unlisted[0].coefficient.unit == "m/s"
+
+
+def test_readings_and_rolling_undo_each_other() -> None:
+    x = nothing()
+    x[INDEX["wheels_more.offset_mps"]] = 0.4
+    rolled = np.array([[0.0, 0.3, 0.7, 20.0]])
+    np.testing.assert_allclose(as_they_read(rolled, x), [[0.0, 0.3, 1.1, 20.4]])
+    np.testing.assert_allclose(as_they_roll(as_they_read(rolled, x), x), rolled)
+
+
+@pytest.mark.parametrize(("hz", "bounces"), [(0.2, False), (0.45, False), (0.55, True), (1.5, True)])
+@pytest.mark.parametrize("road", ["road_bank", "road_grade"])
+def test_what_tilts_as_quickly_as_a_body_on_its_springs_is_no_road(hz: float, bounces: bool, road: str) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    tilt = 0.01 * np.sin(2.0 * np.pi * hz * T)
+    profile = {"road_bank": "bank_rad", "road_grade": "grade_rad"}[road]
+    fit: Any = SimpleNamespace(
+        effects=(road,), road=flat(N)._replace(**{profile: tilt}), x=nothing(), left=np.zeros((len(rows.at), 13))
+    )
+    assert plausible._bounces(fit, road) is bounces
+    # By as much beside a slow one.
+    slow = fit.road._replace(**{profile: tilt + 0.012 * np.sin(0.5 * T)})
+    assert not plausible._bounces(SimpleNamespace(road=slow), road)  # type: ignore[arg-type]
 
 
 def lifted(k: float, without: tuple[int, ...] = ()) -> Drive:
