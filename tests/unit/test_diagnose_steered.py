@@ -344,6 +344,10 @@ def test_what_a_car_does_without_a_name_is_told_where_it_gains_as_names_have_to(
         ("imu_delay", STEERS, 25.0),
         ("wheel_radius", STEERS, 1.5),
         ("wheel_radius", "wheel_square", 50.0),
+        # And what a nose does that lifts as its springs let it.
+        ("accel_scale", "nose_lift", 10.0),
+        ("wheel_growth", "nose_lift", 10.0),
+        ("gyro_scale", "nose_lift", 1.5),
         ("gyro_scale", STEERS, 1.5),
         # A ratio is a number: what follows the speed is told beside it.
         ("steering: k*vx*delta", "steering_ratio", 5.0),
