@@ -41,7 +41,7 @@ _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
 _TO_AN_AXLE = 0.6
 # What is slippery for more of the way is so all the way.
-_FOR_A_WHILE = 0.9
+_FOR_A_WHILE = 0.6
 # Bodies go up and down on their springs by 1 to 2 Hz, and roads, as they are driven on, much more slowly.
 _BOUNCES_HZ = 0.5
 _ROLL_GYRO = 0
