@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -34,6 +35,8 @@ _FAR_BEYOND = 8.0
 _UNFELT = 0.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
+# And two together, by their ellipse (chi squared, one in a thousand).
+_LOAD, _TOLD_TOGETHER = "mass_loading", 13.8
 _OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
@@ -83,7 +86,19 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     told = effect in OWN_CHANNEL or any(
         abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)]) for i in there
     )
+    if effect == _LOAD and not told:
+        return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
     return told or (effect in _OF_WHEELS and any(_differ(drive, fit, *pair) for pair in combinations(there, 2)))
+
+
+def _are_told(drive: Drive, fit: Fit, there: Sequence[int]) -> bool:
+    """Whether parameters that may be each other are surely something together: a load, and where it is."""
+    much = [i for i in there if abs(fit.x[i]) >= drive.vocabulary.columns[i][1].least]
+    if not much:
+        return False
+    places = [fit.columns.index(i) for i in much]
+    covariance, values = fit.covariance[np.ix_(places, places)], fit.x[much]
+    return bool(values @ np.linalg.lstsq(covariance, values, rcond=None)[0] > _TOLD_TOGETHER)
 
 
 def _differ(drive: Drive, fit: Fit, one: int, other: int) -> bool:

@@ -9,6 +9,7 @@ from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_names import SHAPE, is_shape, steers_by_speed
 from dsz_daemon.diagnose.trials import TURNS
+from dsz_daemon.diagnose.uneven_scales import is_uneven
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
@@ -20,6 +21,9 @@ def not_named(drive: Drive, fit: Fit) -> set[str]:
     # What the steering does by the speed is no number that is the same at all of them.
     if any(map(steers_by_speed, fit.effects)):
         names |= {"steering_ratio"}
+    # Nor has what a sensor shows to one side, or as it warms up, a scale beside it.
+    uneven = [effect.partition(SHAPE) for effect in fit.effects if is_shape(effect)]
+    names |= {f"{place.partition('_')[0]}_scale" for place, _, course in uneven if is_uneven(course)}
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
     if "locked_axle" in fit.effects and is_told(drive, fit, "locked_axle"):
         names |= {*TURNS}

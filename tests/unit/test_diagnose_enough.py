@@ -101,7 +101,7 @@ def test_an_effect_is_told_where_one_of_its_numbers_is() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     mass, shift = INDEX["mass_loading.added_mass_kg"], INDEX["mass_loading.cg_shift_m"]
     x, spread = nothing(), np.array([400.0, 0.05])
-    fit: Any = SimpleNamespace(x=x, std=spread, columns=(mass, shift))
+    fit: Any = SimpleNamespace(x=x, std=spread, columns=(mass, shift), covariance=np.diag(spread**2))
     x[mass] = 790.0
     assert not is_told(one, fit, "mass_loading")
     x[shift] = -0.11

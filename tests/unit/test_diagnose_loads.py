@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
+from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive, car_of, nothing
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.starts import starts_of
@@ -101,3 +102,29 @@ def test_how_a_load_turns_is_no_surer_than_a_drive_tells_it() -> None:
     one = drive({"mass_loading.added_mass_kg": ADDED_KG}, CITY_V, np.zeros(len(CITY_V)))
     fit = fit_of(one, "mass_loading", 1.0)
     assert 0.6 < fit.std[fit.columns.index(TURNS)] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("added_kg", "shift_m", "alike", "expected"),
+    [
+        # Each by itself could be nothing, together (as they are told along one line) they are far off it.
+        (150.0, 0.15, -0.99, True),
+        (150.0, 0.15, 0.99, False),
+        # Or are too little to have a name.
+        (20.0, 0.02, -0.999, False),
+        # One of them surely is something.
+        (150.0, 0.5, 0.0, True),
+    ],
+)
+def test_a_load_is_told_if_how_much_and_where_are_surely_something_together(
+    added_kg: float, shift_m: float, alike: float, expected: bool
+) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows, x = rows_of(one), nothing()
+    fit = fitted(one, rows, x, ("mass_loading",), TOLERANCE)
+    fit.x[ADDED], fit.x[SHIFT] = added_kg, shift_m
+    places = [fit.columns.index(i) for i in (ADDED, SHIFT)]
+    spread = np.array([100.0, 0.1])
+    fit.std[places] = spread
+    fit.covariance[np.ix_(places, places)] = np.outer(spread, spread) * np.array([[1.0, alike], [alike, 1.0]])
+    assert is_told(one, fit, "mass_loading") is expected
