@@ -89,16 +89,16 @@ def answered(
     unexplained = unexplained_of(found, level)
     errors = parameter_errors(found, each)
     circle = circle_of(found.drive, found.best)
-    no_names = not_named(found.drive, found.best)
-    named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     left = doubt(found, unexplained)
+    sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
+    no_names = not_named(found.drive, found.best, sure)
+    named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     # A grade that no gyro feels is judged by one channel: what else is off is no matter.
     alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
     said = (_cause(found, effect, alone if effect == "road_grade" else left, each) for effect in named)
     causes = [cause for cause in said if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]
-    sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     # A car has many ways to turn a little otherwise.
     there = [shape for shape in found.shapes if not is_of_the_car(shape.effect.name) or shape.effect.name in sure]
     shapes = [*beside, *unlisted(found.drive, found.rows, found.best, there)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.unlisted import Shape
 
 # Courses that are nothing straight ahead, and what they are about the middle of the circle.
 _CIRCLES = {f"(1-cos({turn}))": f"cos({turn})" for turn in ("hand", "2*hand")}
+# What goes by the hand wheel's angle.
 _OF_THE_HAND = "hand)"
 _OFFSET = INDEX["steering_offset.offset_rad"]
 # The middle is at zero but for so many spreads, and for so much of the circle; or, of which a ratio is the other half.
@@ -39,11 +40,14 @@ def circle_of(drive: Drive, fit: Fit) -> str | None:
     return None
 
 
-def parts_of(drive: Drive, fit: Fit) -> set[str]:
-    """The names of the model that belong to an eccentric sensor: its zero; and near it, how steep its circle is."""
-    circles = any(effect.startswith(f"{STEERING}{SHAPE}") and _OF_THE_HAND in effect for effect in fit.effects)
-    zero = {"steering_offset"} if circle_of(drive, fit) is not None else set()
-    return zero | ({_RATIO} & set(fit.effects) if circles else set())
+def parts_of(drive: Drive, fit: Fit, said: Collection[str]) -> set[str]:
+    """The names of the model that belong to an eccentric sensor, if it is `said` to be one.
+
+    Its zero; and near it, how steep its circle is.
+    """
+    if not any(effect.startswith(f"{STEERING}{SHAPE}") and _OF_THE_HAND in effect for effect in said):
+        return set()
+    return ({"steering_offset"} if circle_of(drive, fit) is not None else set()) | ({_RATIO} & set(fit.effects))
 
 
 def about_the_middle(shapes: Sequence[Shape], course: str) -> list[Shape]:

@@ -111,7 +111,8 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
 def is_named(shape: str, channel: str) -> bool:
     """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's.
 
-    And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none.
+    And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none. What is another
+    sensor's own, unevenly, is not looked for here.
     """
     named = (shape == "delta" and channel in {"gyro_z", "accel_y"}) or (shape == "r" and channel.startswith("gyro"))
     return named or is_anothers(shape, channel)

@@ -60,13 +60,15 @@ def test_a_circle_that_begins_elsewhere_is_neither_an_offset_nor_a_ratio(phase_r
 def test_of_a_circle_with_a_ratio_beside_it_the_zero_is_told_less_surely() -> None:
     """Half of it, where the other half is a ratio: what is left of an offset there is none."""
     found = searched_with(-0.3 * CIRCLE_RAD, 2.0)
-    assert parts_of(found.drive, found.best) == set()
+    assert parts_of(found.drive, found.best, found.best.effects) == set()
     assert circle_of(found.drive, found.best) is None
     beside = found.best._replace(effects=(*found.best.effects, "steering_ratio"))
-    assert parts_of(found.drive, beside) == {"steering_offset", "steering_ratio"}
+    assert parts_of(found.drive, beside, beside.effects) == {"steering_offset", "steering_ratio"}
+    # A circle that gains too little to be said is no ground.
+    assert parts_of(found.drive, beside, ["steering_ratio", "gyro_z: k*|delta|"]) == set()
     apart = searched_with(-0.7 * CIRCLE_RAD, 2.0)
     beside = apart.best._replace(effects=(*apart.best.effects, "steering_ratio"))
-    assert parts_of(apart.drive, beside) == {"steering_ratio"}
+    assert parts_of(apart.drive, beside, beside.effects) == {"steering_ratio"}
 
 
 @pytest.mark.parametrize("left_out", [{}, {"steering_offset.offset_rad": 0.004}])

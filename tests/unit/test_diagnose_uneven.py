@@ -123,13 +123,18 @@ def test_beside_what_has_no_name_nothing_is_named_that_it_explains(
     fit: Any = SimpleNamespace(effects=effects)
     if "locked_axle" in effects and not is_told:
         silent = {"locked_axle"}
-    assert not_named(SimpleNamespace(), fit) & set(effects) == silent  # type: ignore[arg-type]
+    drive_of_none: Any = SimpleNamespace()
+    assert not_named(drive_of_none, fit, effects) & set(effects) == silent
+    # What a car does and gains too little to be said is no ground; what a sensor does is said always.
+    by_sensors = any(effect.startswith(("gyro_z: ", "accel_y: ")) for effect in effects)
+    unsaid = silent if by_sensors else silent & {"locked_axle"}
+    assert not_named(drive_of_none, fit, ()) & set(effects) == unsaid
 
 
 def test_a_bank_that_a_roll_gyro_feels_is_named_beside_anything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unnamed, "is_unfelt", lambda _: False)
     fit: Any = SimpleNamespace(effects=("road_bank", "gyro_z: k*vx^2"))
-    assert "road_bank" not in not_named(SimpleNamespace(), fit)  # type: ignore[arg-type]
+    assert "road_bank" not in not_named(SimpleNamespace(), fit, fit.effects)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("over_a_scale", "is_taken"), [(1.15, False), (1.25, True)])
