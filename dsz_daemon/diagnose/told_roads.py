@@ -71,12 +71,14 @@ def told_road(drive: Drive, fit: Fit, causes: Collection[str]) -> tuple[Profiles
 
 
 def _by_the_turn(drive: Drive, fit: Fit, x: Floats) -> float:
-    """What a grade that no pitch gyro feels is all the way beyond its profile, rad: of that an accelerometer has none.
+    """What a grade that no pitch gyro feels is all the way beyond its profile, rad: of that an accelerometer has none."""
+    evenly = _climbs_by(drive, fit)
+    return 0.0 if evenly is None else float(x[evenly])
 
-    It is another's if the leak is one's own.
-    """
-    evenly = evenly_by(drive, fit.effects)
-    return 0.0 if evenly is None or "gyro_cross_axis" in fit.effects else float(x[evenly])
+
+def _climbs_by(drive: Drive, fit: Fit) -> int | None:
+    """The column that tells how much such a grade climbs all the way; None without one, or if it is a leak's own."""
+    return None if "gyro_cross_axis" in fit.effects else evenly_by(drive, fit.effects)
 
 
 def _in_all(drive: Drive, fit: Fit, road: Profiles, x: Floats) -> Profiles:
@@ -96,9 +98,7 @@ def _untold_evenly(drive: Drive, fit: Fit) -> set[str]:
     untold, at = set(_EVENLY), _all_rows(fit)
     for effect, (name, is_felt_by_none) in _EVENLY.items():
         # Where no gyro feels it, an accelerometer shows both, and at most another gyro the road.
-        other = (
-            evenly_by(drive, fit.effects) if effect == "road_grade" and "gyro_cross_axis" not in fit.effects else None
-        )
+        other = _climbs_by(drive, fit) if effect == "road_grade" else None
         if effect not in fit.effects or (is_felt_by_none(drive) and other is None):
             continue
 
@@ -140,7 +140,7 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
         return float(np.sqrt(np.mean(course_of(x, road) ** 2)))
 
     value = rms(fit.x, fit.road)
-    evenly = evenly_by(drive, fit.effects) if effect == "road_grade" else None
+    evenly = _climbs_by(drive, fit) if effect == "road_grade" else None
     more = of.beside if evenly is None else (*of.beside, evenly)
     std = math.hypot(_spread(fit, (*drive.vocabulary.columns_of(effect), *more), rms), of.form * value)
     if effect in untold:
