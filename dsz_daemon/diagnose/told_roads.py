@@ -71,7 +71,7 @@ def told_road(drive: Drive, fit: Fit, causes: Collection[str]) -> tuple[Profiles
 
 
 def _by_the_turn(drive: Drive, fit: Fit, x: Floats) -> float:
-    """What a grade that no pitch gyro feels is all the way beyond its profile, rad: of that an accelerometer has none."""
+    """What a grade that no pitch gyro feels is all the way beyond its profile, rad: no accelerometer has that."""
     evenly = _climbs_by(drive, fit)
     return 0.0 if evenly is None else float(x[evenly])
 
