@@ -121,5 +121,6 @@ SCENARIOS = {
     "off_ramp": _journey(journeys.off_ramp, 0.0, 30.0),
     "parking_slope": _journey(journeys.parking_slope, 60.0),
     "constant_bank": _journey(journeys.constant_bank),
+    "handling": _journey(journeys.handling, comfortable_mps2=4.0),
     "snow": _journey(journeys.snow, friction=0.3, comfortable_mps2=0.8),
 }

@@ -128,6 +128,31 @@ def constant_bank() -> list[Leg]:
     return [Leg(6000.0, 15.0, 0.0, 0.0, bank), Leg(4000.0, 18.0, 0.0, 0.0, bank)]
 
 
+def handling() -> list[Leg]:
+    """Four minutes of a proving ground: slaloms at 0.3 and 0.5 g, braking from 80 km/h, bends at up to 0.6 g."""
+
+    def slalom(radius_m: float, angle: float, speed_mps: float, gates: int) -> Iterator[Leg]:
+        yield Leg(110.0, speed_mps)
+        for gate in range(gates):
+            yield _turn(radius_m, -angle if gate % 2 else angle, speed_mps)
+
+    def bends() -> Iterator[Leg]:
+        yield Leg(120.0, 22.0)
+        yield Leg(110.0, 9.5)
+        yield _turn(18.0, 3.0 * QUARTER, 9.5)
+        yield from (Leg(30.0, 9.5), Leg(60.0, 13.0))
+        yield _turn(32.0, -3.0 * QUARTER, 13.0)
+        yield Leg(30.0, 13.0)
+
+    def gentle() -> Iterator[Leg]:
+        yield from slalom(100.0, 0.4, 17.0, 7)
+        yield Leg(120.0, 13.0)
+        yield _turn(60.0, 2.0 * QUARTER, 13.0)
+
+    way = [*slalom(60.0, 0.4, 17.5, 6), *bends(), *gentle()]
+    return [*way, Leg(120.0, 17.0, stop_s=4.0), *way, Leg(150.0, 12.0)]
+
+
 def snow() -> list[Leg]:
     """A winter's drive over land on packed snow, with three tenths of the grip of dry asphalt."""
     legs = [Leg(400.0, 11.0, 0.0, 0.0, 2.0 * _PER_CENT)]

@@ -35,7 +35,9 @@ from dsz_daemon.runs.simulate import simulate
 from dsz_daemon.sim.effects import EFFECTS
 
 _SIX_ONLY = ("gyro_x", "gyro_y", "accel_z")
+# Where it is slippery for a while; on the proving ground where the bends are gentle.
 _LOW_FRICTION = {"start_s": 50.0, "end_s": 95.0}
+_LOW_FRICTION_IN = {"handling": {"start_s": 72.0, "end_s": 108.0}}
 # Effects that have no sizes, or turn the car as others do at these speeds: not in pairs.
 _ALONE = {"axis_fault", "low_friction", "mass_loading", "cornering_stiffness", "steering_compliance", "tyre_saturation"}
 
@@ -67,11 +69,13 @@ class Answer(NamedTuple):
     took_s: float
 
 
-def at_size(name: str, size: float, other: bool = False) -> str | None:
+def at_size(name: str, size: float, other: bool = False, scenario: str = "city") -> str | None:
     """The effect in the words of `--effect`; None where it has no such size."""
     if other:
         return f"{name}:{','.join(f'{key}={value:.6g}' for key, value in other_cars.at_size(name, size).items())}"
-    choice = sizes.at_size(name, size, _LOW_FRICTION if name == "low_friction" else None)
+    choice = sizes.at_size(
+        name, size, _LOW_FRICTION_IN.get(scenario, _LOW_FRICTION) if name == "low_friction" else None
+    )
     if choice is None:
         return None
     pairs = ((key, value if isinstance(value, str) else f"{value:.6g}") for key, value in choice.given.items())
@@ -223,7 +227,7 @@ def singles(asked: argparse.Namespace, pool: Executor) -> None:
     for number, effect in enumerate(asked.effects or names(asked)):
         row = []
         for size in sizes:
-            words = at_size(effect, size, asked.other)
+            words = at_size(effect, size, asked.other, asked.scenario)
             seed = asked.seed + (100 * number if asked.other else 0)
             case = (
                 None if words is None else Case(asked.scenario, seed, asked.seconds, (words,), asked.other, asked.three)
@@ -266,7 +270,7 @@ def together(asked: argparse.Namespace, pool: Executor) -> None:
     print("| left out | said | |\n|---|---|---|", flush=True)
 
     def case(number: int, effects: Sequence[str]) -> Case:
-        words = [at_size(name, 1.0, asked.other) for name in effects]
+        words = [at_size(name, 1.0, asked.other, asked.scenario) for name in effects]
         there = tuple(one for one in words if one is not None)
         return Case(asked.scenario, asked.seed + number, asked.seconds, there, asked.other, asked.three)
 

@@ -94,6 +94,10 @@ def test_scenarios_are_what_they_say() -> None:
     assert np.abs(driven("roundabouts")["accel_y_mps2"]).max() > 2.0
     straight = moving(driven("crowned_road")) & (np.abs(driven("crowned_road")["gyro_z_radps"]) < 0.005)
     assert np.median(driven("crowned_road")["road_bank_rad"][straight]) == pytest.approx(0.025, abs=1e-3)
+    ground = driven("handling")
+    first = ground["time_s"] < 150.0
+    assert 5.0 < np.abs(ground["accel_y_mps2"][first]).max() < 7.0
+    assert ground["accel_x_mps2"][first].min() < -3.5
     snow = driven("snow")
     assert np.all(snow["friction"] == pytest.approx(0.3))
     assert 1.4 < np.hypot(snow["accel_x_mps2"], snow["accel_y_mps2"]).max() < 0.3 * 9.80665 * 1.2
