@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
-from dsz_daemon.diagnose.effects import BUILT_IN
-from dsz_daemon.diagnose.fit import SAME_TURN
+from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
+from dsz_daemon.diagnose.fit import SAME_TURN, Fit
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
@@ -26,6 +26,10 @@ _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 MUCH_MPS2 = 0.3
 # How much further the front wheels turn has to be told by so many of its spreads; and from so many blocks on.
 _TOLD, _LEAST_BLOCKS = 3.0, 5
+# What leans a body by as much as an accelerometer shows more of the same axis; and the gyro that tells.
+_SCALE = "accel_scale"
+_LEANS = {"suspension_roll": (0, INDEX[f"{_SCALE}.y"]), "suspension_pitch": (1, INDEX[f"{_SCALE}.x"])}
+_LEAST_SCALE = next(p.least for p in BUILT_IN.described(_SCALE).parameters)
 _LEAST_RADIUS = next(p.least for p in BUILT_IN.described("wheel_radius").parameters)
 
 
@@ -41,8 +45,7 @@ def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[s
     top = steps[effect].gain
     near = max(_ALIKE * doubt, _ALIKE_SHARE * top)
     group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
-    if effect in SAME_TURN:
-        group += sorted(SAME_TURN - {effect, *group})
+    group += sorted(known_classes(found.drive, found.best, effect) - {effect, *group})
     group = [name for name in group if name not in _NAMELESS]
     # What was not taken for another reason than what it gains is no likelier than what was.
     weights = {name: math.exp(min((step.gain - top) / doubt, 0.0)) for name, step in steps.items()}
@@ -52,6 +55,20 @@ def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[s
         for name, weight in weights.items()
         if name != effect and name not in _NAMELESS and weight > 1e-6 * total
     ]
+
+
+def known_classes(drive: Drive, fit: Fit, effect: str) -> set[str]:
+    """What an effect is to the last digit of what is recorded, or nearly: of what this car has no gyro for.
+
+    A body that leans, or dives, shows a_y and a_x times 1 + g k, as an accelerometer of another scale does.
+    """
+    if effect in SAME_TURN:
+        return set(SAME_TURN)
+    unseen = {lean for lean, (c, _) in _LEANS.items() if not np.isfinite(drive.measured[:, c]).any()}
+    if effect in unseen:
+        return {_SCALE}
+    more = {lean for lean in unseen if fit.x[_LEANS[lean][1]] >= _LEAST_SCALE}
+    return more if effect == _SCALE else set()
 
 
 class SameAsOffset(NamedTuple):

@@ -16,8 +16,8 @@ from dsz_daemon.diagnose.eccentric import about_the_middle, circle_of
 from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, OWN_CHANNEL, values_of
-from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE
+from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, values_of
+from dsz_daemon.diagnose.gains import TOLD_GAIN, told_from
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
@@ -173,7 +173,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
         for name, (value, std) in judged.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    enough = TOLD_GAIN * left * (TOLD_PROFILE if effect in OWN_CHANNEL else 1.0)
+    enough = left * told_from(found.drive, found.best, effect)
     if (named and not any(named)) or found.gains[effect] < enough:
         return None
     if effect == "imu_misalignment" and not surely and _takes_back(found):

@@ -66,8 +66,11 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
         Course(REAR, "tanh((vx-15)/7)*delta", np.tanh((v - _CROSSES_MPS) / _OVER_MPS) * steer_rad, "rad"),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
+        # A wing on one axle, or on both.
+        Course(MOMENT, "vx^2*ay", v * v * side, "m3/s4"),
         Course(MOMENT, "ax*ay where ax > 0", np.maximum(v_rate, 0.0) * side, "m2/s4"),
         Course(MOMENT, "ax*ay where ax < 0", np.minimum(v_rate, 0.0) * side, "m2/s4"),
+        Course(TYRES, "vx^2", v * v, "m2/s2"),
         Course(TYRES, "t", minutes, "min"),
         Course(TYRES, "exp(-t/60 s)", np.exp(-minutes), ""),
     ]

@@ -24,7 +24,7 @@ from dsz_daemon.diagnose.evidence import (
 )
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.loads import LOAD
-from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, as_drawn_rad, untold_turns
+from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, TURNED, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
@@ -204,7 +204,7 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
-    hidden |= set() if MOUNT in effects else {_SMALL_TURNS}
+    hidden |= set() if TURNED & set(effects) else {_SMALL_TURNS}
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     hidden |= told(start)
     first = [i for i in nuisances(tolerance) if i not in hidden]

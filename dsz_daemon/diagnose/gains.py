@@ -8,7 +8,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain
-from dsz_daemon.diagnose.fit import UPRIGHT, Fit
+from dsz_daemon.diagnose.fit import OWN_CHANNEL, UPRIGHT, Fit
 from dsz_daemon.diagnose.inputs import smoothed_away
 from dsz_daemon.diagnose.limits import read_off
 from dsz_daemon.diagnose.moments import moments_of
@@ -89,6 +89,20 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
     found += _smooths(drive, smaller, larger)
     # That readings stand at a limit is seen without any simulation.
     return found if kind else found + read_off(drive, larger.x) - read_off(drive, smaller.x)
+
+
+def told_from(drive: Drive, fit: Fit, effect: str) -> float:
+    """From which gain on an effect is told.
+
+    A grade that no gyro feels is asked no more than others where nothing else is left that is wrong: what has 5 s of
+    road to tell the next 5 s by says little for certain, however far off a level road is.
+    """
+    if effect not in OWN_CHANNEL:
+        return TOLD_GAIN
+    wrong = far_off(drive, fit)
+    wrong[ALONG] = False
+    is_all = effect == "road_grade" and climbs_unfelt(drive) and not wrong.any()
+    return TOLD_GAIN if is_all else TOLD_PROFILE * TOLD_GAIN
 
 
 def _smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:

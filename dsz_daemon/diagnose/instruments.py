@@ -40,13 +40,15 @@ def felt(
     rates_of_forces: Floats,
     forces_of_forces: Floats,
     dt_s: float,
+    small_turns: float = 0.0,
 ) -> Floats:
     """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., which is `body_m` (3,) from what the body leans about.
 
     The last: above the roll axis, above and ahead of the pitch axis.
 
     Of motion (n, 12), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
-    rates and of forces, forces shown of forces.
+    rates and of forces, forces shown of forces. `small_turns`: of a body drawn for small angles (1) the vertical shows
+    nothing of what it leans by.
     """
     n = len(v_mps)
     p, q, p_roads, q_roads = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -70,7 +72,7 @@ def felt(
         ax = along * cos_of(dive) - G * sin_of(pitch)
         ay = across * cos_of(lean) + G * sin_of(roll)
         az = -q_roads[i] * v_mps[i] + p_roads[i] * vy + G * cos_of(roll) * cos_of(pitch)
-        az += along * sin_of(dive) - across * sin_of(lean)
+        az += (1.0 - small_turns) * (along * sin_of(dive) - across * sin_of(lean))
         p_rate, q_rate = (p[after] - p[before]) * per_s, (q[after] - q[before]) * per_s
         rolling, diving = (moved[after, 6] - moved[before, 6]) * per_s, (moved[after, 8] - moved[before, 8]) * per_s
         ax += body_m[1] * diving

@@ -343,9 +343,7 @@ def _own_parameters(drive: Drive, name: str) -> list[tuple[int, Parameter]]:
 
 def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
-    lever = x[_LEVER]
-    lever[0] += ahead_m
-    turn, m = _turned(x), moving.moved
+    m = moving.moved
     if (lift := float(x[_LIFT])) != 0.0:
         m = m.copy()
         m[:, motion.PITCH] -= lift * moving.v_mps**2
@@ -356,11 +354,12 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         moving.v_rate,
         moving.road.bank_rad,
         moving.road.grade_rad,
-        lever,
+        x[_LEVER] + np.array([ahead_m, 0.0, 0.0]),
         x[_BODY],
         *gyros_of(x),
-        (_ONES + x[_FORCES_OF_FORCES]) @ turn,
+        (_ONES + x[_FORCES_OF_FORCES]) @ _turned(x),
         DT_S,
+        float(x[_SMALL_TURNS]),
     )
     reads = smoothed(reads, x)
     add_offsets(reads, x[_OFFSETS], x[_DRIFTS], float(x[_FADES]), DT_S)

@@ -34,6 +34,7 @@ _PAUSE_S, _BETWEEN_S = 10.0, 2.0
 # What a reference may bring: its columns, each on the log's clock, often once a second.
 REFERENCE = ("vx_mps", "vy_mps", "yaw_rate_radps", "grade_up_rad")
 _REFERENCE_GAP_S = 1.5
+PEDALS = ("brake", "accelerator")
 
 
 class Recording(NamedTuple):
@@ -44,7 +45,7 @@ class Recording(NamedTuple):
     channels first, then wheels. `steering_step_rad` is the steering's resolution at the road wheel. `reference` (n, 4)
     and its floor (4,) are in the order of `REFERENCE`. `piece` (n,) counts recordings, between which `time_s` jumps.
     `tops`: IMU channels whose readings stand at an end. `rounding_rad` (ways, n): what rounding may have done to the
-    steering, as it moves; None where that is not known.
+    steering, as it moves; None where that is not known. `pressed`: of each pedal that is recorded whether it is (n,).
     """
 
     time_s: Floats
@@ -58,6 +59,7 @@ class Recording(NamedTuple):
     piece: Ints | None = None
     tops: tuple[FlatTop, ...] = ()
     rounding_rad: Floats | None = None
+    pressed: tuple[tuple[str, Floats], ...] = ()
 
 
 def recorded(
@@ -96,7 +98,14 @@ def recorded(
         np.array([filtered(_on_grid(one, first, time_s) / ratio, steering_kernel) for one in rounding])
         if rounding
         else None,
+        tuple((name, _pressed(signals[name], first, time_s)) for name in PEDALS if name in signals),
     )
+
+
+def _pressed(pedal: Signal, first_ns: int, time_s: Floats) -> Floats:
+    """Whether a pedal is pressed, 0 to 1 behind the low-pass: until its next sample it stays as it was."""
+    last = np.searchsorted((pedal.t_ns - first_ns) * 1e-9, time_s, side="right") - 1
+    return filtered(np.where(last < 0, 0.0, (pedal.values != 0.0)[last]), filter_kernel())
 
 
 def _grid(signals: Mapping[str, Signal], first_ns: int) -> tuple[Floats, Ints]:

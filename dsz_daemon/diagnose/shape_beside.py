@@ -119,7 +119,7 @@ def another_course(
 
 def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats, channels: Collection[str]) -> list[_Shape]:
     """Each shape of each of these channels, with its sums by block, in the channels' scatter."""
-    library_here = library(driven(drive, fit.x, fit.road), drive.steer)
+    library_here = library(driven(drive, fit.x, fit.road), drive)
     names, courses = list(library_here), np.column_stack([course for course, _ in library_here.values()])
     blocks, found = int(rows.block[-1]) + 1, []
     for c, channel in enumerate(IMU_CHANNELS):

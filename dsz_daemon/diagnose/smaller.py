@@ -9,7 +9,7 @@ from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve
-from dsz_daemon.diagnose.gains import TOLD_GAIN, TOLD_PROFILE, gained, is_beyond_form
+from dsz_daemon.diagnose.gains import gained, is_beyond_form, told_from
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_beside import another_course
@@ -106,13 +106,18 @@ class Grown:
         return rest if is_all else None
 
     def without_idle(self, gains: dict[str, float]) -> Fit:
-        """Each earlier effect is tried without: what another explains better has to go. Writes what the others gain."""
-        best = self._now
+        """Each earlier effect is tried without: what another explains better has to go. Writes what the others gain.
+
+        What drives another out has gained what both did.
+        """
+        best, new = self._now, self._now.effects[-1]
         for effect in self._now.effects[:-1]:
             rest = self._smaller[effect] if best is self._now else self._without(best, effect)
             gains[effect] = self._worth(rest, best)
             if gains[effect] < LEAST_GAIN:
                 best = rest
+        if best is not self._now:
+            gains[new] = max(gains[new], self._worth(self._without(best, new), best))
         return best
 
     @cached_property
@@ -188,7 +193,7 @@ def without_trifles(
     """What came early has to gain its share of all that was gained in the end, too."""
     mine = {effect: gains[effect] for effect in best.effects}
     # An accelerometer's own road would hide there what is not said.
-    hidden = {road for road in unfelt_roads(drive) if mine.get(road, 0.0) < TOLD_PROFILE * TOLD_GAIN}
+    hidden = {road for road in unfelt_roads(drive) if mine.get(road, 0.0) < told_from(drive, best, road)}
     trifles = [
         effect
         for effect in best.effects
@@ -218,8 +223,7 @@ def without_leaners(
     leaners = [
         effect
         for effect in weak
-        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest)
-        < TOLD_GAIN * (TOLD_PROFILE if effect in OWN_CHANNEL else 1.0)
+        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest) < told_from(drive, rest, effect)
     ]
     return without(drive, rows, best, tolerance, leaners, each) if leaners else best
 

@@ -71,14 +71,14 @@ class Found(NamedTuple):
     std: float
 
 
-def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
+def library(moving: Moving, drive: Drive) -> dict[str, tuple[Floats, str]]:
     """Products of the simulated motion (n,) with their units: what a sensor shows wrongly is not in them.
 
     None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness),
     but for the steering on what does not follow it (`is_named`). How quickly the driver steers has none, but turns a
-    car as an arm would show it.
+    car as an arm would show it. What a pedal switches on (lamps, a pump) may pull a sensor's supply down.
     """
-    v, v_rate = moving.v_mps, filtered(moving.v_rate, filter_kernel())
+    v, v_rate, steer = moving.v_mps, filtered(moving.v_rate, filter_kernel()), drive.steer
     r, side = moving.moved[:, R], moving.moved[:, AY]
     shapes: dict[str, tuple[Floats, str]] = {
         "vx": (v, "m/s"),
@@ -105,6 +105,7 @@ def library(moving: Moving, steer: Floats) -> dict[str, tuple[Floats, str]]:
         "delta": (steer, "rad"),
         "delta'": (np.gradient(steer, DT_S), "rad/s"),
     }
+    shapes |= {f"({name} pressed)": (course, "") for name, course in drive.recording.pressed}
     return shapes | uneven("r", r, "rad/s") | uneven("ax", v_rate, "m/s2") | uneven("ay", side, "m/s2")
 
 
@@ -141,7 +142,7 @@ def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) ->
 def _shapes_of(drive: Drive, rows: Rows, fit: Fit, known: Collection[str], each: Each = map) -> list[Found]:
     """The best shape of each IMU channel that is not `known`, where there is structure."""
     off = [c for c, channel in enumerate(CHANNELS[:6]) if channel not in known and _has_structure(drive, rows, fit, c)]
-    courses = library(driven(drive, fit.x, fit.road), drive.steer) if off else {}
+    courses = library(driven(drive, fit.x, fit.road), drive) if off else {}
     found = each(lambda c: _shape_of(drive, rows, fit, c, courses), off)
     return [shape for shape in found if shape is not None]
 

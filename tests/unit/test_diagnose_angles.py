@@ -80,6 +80,20 @@ def test_on_a_road_the_vertical_reading_has_the_turn_times_the_speed() -> None:
     np.testing.assert_allclose(shown[:, 3], 9.80665 * np.sin(0.03 * time_s), atol=1e-9)
 
 
+@pytest.mark.parametrize("small_turns", [0.0, 0.5, 1.0])
+def test_a_body_drawn_for_small_angles_leans_without_its_vertical(small_turns: float) -> None:
+    """a_z = g cos - a_y sin(lean) as axes turn; who draws small angles may have no more than g sin(lean) in a_y."""
+    across, lean, dive, along = np.array([3.0, -2.0]), np.array([0.03, -0.02]), np.array([0.01, 0.02]), 1.5
+    moved = np.zeros((2, 12))
+    moved[:, 3], moved[:, 5], moved[:, 7] = across, lean, dive
+    none, level = np.zeros(3), np.eye(3)
+    still = (moved, np.full(2, 20.0), np.full(2, along), np.zeros(2), np.zeros(2))
+    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, small_turns)
+    pushed = (1.0 - small_turns) * (along * np.sin(dive) - across * np.sin(lean))
+    np.testing.assert_allclose(shown[:, 5], 9.80665 * np.cos(lean) * np.cos(dive) + pushed, rtol=1e-12)
+    np.testing.assert_allclose(shown[:, 4], across * np.cos(lean) + 9.80665 * np.sin(lean), rtol=1e-12)
+
+
 def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends() -> None:
     values = np.random.default_rng(1).normal(size=6000).cumsum()
     weights = filter_kernel(6.0)

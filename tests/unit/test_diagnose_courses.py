@@ -54,7 +54,7 @@ def test_a_second_course_gains_what_it_would_gain_as_a_name() -> None:
     gain = another_course(drive, rows, best, known, TOLERANCE, ["gyro_z"])
     gains = []
     for course in ("ay^3", "vx*ay", "sign(ay)"):
-        values = library(driven(drive, best.x, best.road), drive.steer)[course][0]
+        values = library(driven(drive, best.x, best.road), drive)[course][0]
         effect = as_effect("gyro_z", course, values - np.mean(values), "1", 1e-4)
         more = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), effect)))
         fit = fitted(more, rows, np.append(best.x, 1e-5), (*best.effects, effect.name), TOLERANCE)

@@ -155,7 +155,7 @@ def test_an_accelerometer_that_feels_a_turn_is_told_by_that() -> None:
     assert not is_named("r", "accel_x")
     one = drive({}, CITY_V, CITY_STEER)
     moving = driven(one, nothing(), flat(N))
-    np.testing.assert_array_equal(library(moving, CITY_STEER)["r"][0], moving.moved[:, R])
+    np.testing.assert_array_equal(library(moving, one)["r"][0], moving.moved[:, R])
 
 
 def slow_noise_n(seed: int) -> np.ndarray:

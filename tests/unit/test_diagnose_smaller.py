@@ -85,7 +85,8 @@ def test_each_earlier_effect_is_tried_without_and_again_without_what_had_to_go(
         )
 
     def gains(_: Any, less: tuple[str], larger: Any) -> float:
-        return {"first": 50.0, "second": 9.0, "third": 11.0 if "second" in larger.effects else 30.0}[less[0]]
+        third, newest = (11.0, 15.0) if "second" in larger.effects else (30.0, 70.0)
+        return {"first": 50.0, "second": 9.0, "third": third, "newest": newest}[less[0]]
 
     def surely(_: Any, __: Any, start: Any, ___: Any, newest: str, *____: Any) -> Any:
         return refitted(_, __, start, ___, (newest,), ____)
@@ -98,13 +99,15 @@ def test_each_earlier_effect_is_tried_without_and_again_without_what_had_to_go(
     none: Any = None
     now: Any = SimpleNamespace(effects=("first", "second", "third", "newest"))
     before: Any = SimpleNamespace(effects=("first", "second", "third"))
-    found: dict[str, float] = {}
+    found = {"newest": 15.0}
     best = Grown(none, rows, {}, before, now).without_idle(found)
     assert best.effects == ("first", "third", "newest")
-    assert found == {"first": 50.0, "second": 9.0, "third": 30.0}
+    # The newest has driven the second out: it has gained what both did.
+    assert found == {"first": 50.0, "second": 9.0, "third": 30.0, "newest": 70.0}
     assert asked == [
         *((*now.effects, "-" + name) for name in ("first", "second", "third")),
         ("first", "third", "newest", "-third"),
+        ("first", "third", "newest", "-newest"),
     ]
 
 

@@ -224,6 +224,8 @@ def test_the_equation_is_that_of_its_words() -> None:
         (REAR, "tanh((vx-15)/7)*delta"): np.tanh((v - 15.0) / 7.0) * CITY_STEER,
         (REAR, "sign(ay)"): np.tanh(side),
         (MOMENT, "sign(r)"): np.tanh(r / 0.06),
+        (MOMENT, "vx^2*ay"): v**2 * side,
+        (TYRES, "vx^2"): v**2,
         (TYRES, "t"): minutes,
         (TYRES, "exp(-t/60 s)"): np.exp(-minutes),
     }
@@ -314,6 +316,7 @@ def test_a_push_turns_and_moves_the_car_as_newton_has_it() -> None:
         (REAR, "vx*delta", 0.008),
         (MOMENT, "sign(r)", -800.0),
         (MOMENT, "ax*ay where ax > 0", 400.0),
+        (MOMENT, "vx^2*ay", -0.8),
         (TYRES, "exp(-t/60 s)", -0.4),
     ],
 )
