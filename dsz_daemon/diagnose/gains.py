@@ -99,10 +99,9 @@ def told_from(drive: Drive, fit: Fit, effect: str) -> float:
     """
     if effect not in OWN_CHANNEL:
         return TOLD_GAIN
-    wrong = far_off(drive, fit)
-    wrong[ALONG] = False
-    is_all = effect == "road_grade" and climbs_unfelt(drive) and not wrong.any()
-    return TOLD_GAIN if is_all else TOLD_PROFILE * TOLD_GAIN
+    if effect == "road_grade" and climbs_unfelt(drive) and not np.delete(far_off(drive, fit), ALONG).any():
+        return TOLD_GAIN
+    return TOLD_PROFILE * TOLD_GAIN
 
 
 def _smooths(drive: Drive, smaller: Fit, larger: Fit) -> float:

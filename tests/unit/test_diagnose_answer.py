@@ -22,7 +22,8 @@ NOTHING = SimpleNamespace(effects=())
 def found(rivals: dict[str, dict[str, float]], effects: tuple[str, ...]) -> Any:
     """A search that has tried these effects with these gains."""
     steps = {name: tuple(Step(n, g, SimpleNamespace()) for n, g in tried.items()) for name, tried in rivals.items()}
-    return SimpleNamespace(rivals=steps, best=SimpleNamespace(effects=effects))
+    drive = SimpleNamespace(measured=np.zeros((2, 13)))
+    return SimpleNamespace(rivals=steps, best=SimpleNamespace(effects=effects, x=nothing()), drive=drive)
 
 
 @pytest.mark.parametrize(
@@ -213,7 +214,10 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
     monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
     search: Any = SimpleNamespace(
-        drive=SimpleNamespace(vocabulary=BUILT_IN), gains={"gyro_scale": gain}, elsewhere={"gyro_scale": {}}
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=NOTHING,
+        gains={"gyro_scale": gain},
+        elsewhere={"gyro_scale": {}},
     )
     cause = answer._cause(search, "gyro_scale")
     assert (cause is not None) is is_named

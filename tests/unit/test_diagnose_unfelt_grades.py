@@ -7,11 +7,12 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 from test_diagnose_unfelt_banks import all_named_beside, tilted
 
+from dsz_daemon.diagnose import gains as gains_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.gains import gained, told_from
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of
 from dsz_daemon.diagnose.motion import G
@@ -36,6 +37,20 @@ WAY_M = DT_S * np.cumsum(CITY_V)
 HILLS = 0.03 * np.sin(2.0 * np.pi * WAY_M / 250.0) + 0.02 * np.sin(2.0 * np.pi * WAY_M / 170.0 + 1.0)
 THREE = (0, 1, 5)
 INSIDE = slice(200, -200)
+
+
+@pytest.mark.parametrize(("off", "asked"), [((), 20.0), ((ALONG,), 20.0), ((ALONG, 6), 40.0)])
+def test_a_grade_that_no_gyro_feels_is_asked_no_more_than_a_name_where_nothing_else_is_wrong(
+    monkeypatch: pytest.MonkeyPatch, off: tuple[int, ...], asked: float
+) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    monkeypatch.setattr(gains_module, "far_off", lambda *_: np.isin(np.arange(13), off))
+    assert told_from(one, fit, "road_grade") == 40.0
+    one.measured[:, THREE] = np.nan
+    assert told_from(one, fit, "road_grade") == asked
+    assert told_from(one, fit, "road_bank") == 40.0
+    assert told_from(one, fit, "wheel_slip") == 20.0
 
 
 def climbing(
@@ -219,12 +234,15 @@ def test_a_road_rises_and_falls(course: np.ndarray, expected: bool) -> None:
     assert is_implausible(one, rows, fit, "road_grade") is not expected
 
 
-def test_a_grade_that_is_not_said_hides_nothing() -> None:
+@pytest.mark.parametrize(("wrong_mps", "asked"), [(0.0, 20.0), (0.5, 40.0)])
+def test_a_grade_that_is_not_said_hides_nothing(wrong_mps: float, asked: float) -> None:
+    """Beside a wheel that is wrong it has to gain twice as much."""
     one = climbing({}, 0.1 * HILLS)
+    one.measured[:, 6] += wrong_mps * np.sin(2.0 * T)
     rows = rows_of(one)
     with_it = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
     assert np.std(with_it.left[rows.used[:, ALONG], ALONG]) < np.std(0.1 * G * HILLS)
-    for gain, effects in ((39.0, ()), (41.0, ("road_grade",))):
+    for gain, effects in ((asked - 1.0, ()), (asked + 1.0, ("road_grade",))):
         rest = without_trifles(one, rows, with_it, TOLERANCE, {"road_grade": gain}, map)
         assert rest.effects == effects
 
