@@ -310,23 +310,26 @@ def test_a_push_turns_and_moves_the_car_as_newton_has_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "course", "k"),
+    ("place", "course", "k", "near"),
     [
-        (REAR, "delta", -0.1),
-        (REAR, "vx*delta", 0.008),
-        (MOMENT, "sign(r)", -800.0),
-        (MOMENT, "ax*ay where ax > 0", 400.0),
-        (MOMENT, "vx^2*ay", -0.8),
-        (TYRES, "exp(-t/60 s)", -0.4),
+        (REAR, "delta", -0.1, 0.1),
+        (REAR, "vx*delta", 0.008, 0.1),
+        (MOMENT, "sign(r)", -800.0, 0.1),
+        (MOMENT, "ax*ay where ax > 0", 400.0, 0.1),
+        # At one speed it is what stiffnesses within their tolerance do, too.
+        (MOMENT, "vx^2*ay", -0.8, 0.15),
+        (TYRES, "exp(-t/60 s)", -0.4, 0.1),
     ],
 )
-def test_what_a_car_does_without_a_name_is_told_by_where_and_what(place: str, course: str, k: float) -> None:
+def test_what_a_car_does_without_a_name_is_told_by_where_and_what(
+    place: str, course: str, k: float, near: float
+) -> None:
     one = pushed(place, course, k)
     found = searched(one, rows_of(one), TOLERANCE)
     assert found.best.effects == (f"{place}: k*{course}",)
     [shape] = unlisted(found.drive, found.rows, found.best, found.shapes)
     assert (shape.channel, shape.shape) == ("gyro_z", f"k*{course}")
-    assert shape.coefficient.value == pytest.approx(k, rel=0.1)
+    assert shape.coefficient.value == pytest.approx(k, rel=near)
 
 
 @pytest.mark.parametrize(("gain", "shapes"), [(19.0, 0), (21.0, 1)])
