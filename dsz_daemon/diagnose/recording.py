@@ -98,7 +98,11 @@ def recorded(
         np.array([filtered(_on_grid(one, first, time_s) / ratio, steering_kernel) for one in rounding])
         if rounding
         else None,
-        tuple((name, _pressed(signals[name], first, time_s)) for name in PEDALS if name in signals),
+        tuple(
+            (name, _pressed(signals[name], first, time_s))
+            for name in PEDALS
+            if name in signals and len(signals[name].t_ns)
+        ),
     )
 
 
