@@ -7,13 +7,15 @@ import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
+from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.plausible import is_told
-from dsz_daemon.diagnose.prediction import Drive, car_of, nothing
+from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.starts import starts_of
 
@@ -128,3 +130,15 @@ def test_a_load_is_told_if_how_much_and_where_are_surely_something_together(
     fit.std[places] = spread
     fit.covariance[np.ix_(places, places)] = np.outer(spread, spread) * np.array([[1.0, alike], [alike, 1.0]])
     assert is_told(one, fit, "mass_loading") is expected
+
+
+def test_the_imu_stays_where_it_was_when_a_load_moves_the_cg() -> None:
+    """The C.G. 0.3 m further ahead has the IMU 0.3 m behind it: a + r' x rho - r^2 rho."""
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    x[ADDED], x[SHIFT] = 300.0, 0.3
+    moving = driven(one, x, flat(len(CITY_V)))
+    r = moving.moved[:, motion.R]
+    shown, inside = predicted(one, x, flat(len(CITY_V)))[:, 4], slice(200, -200)
+    at_the_cg = moving.moved[:, motion.AY]
+    np.testing.assert_allclose(shown[inside], (at_the_cg - 0.3 * np.gradient(r, DT_S))[inside], atol=2e-3)
+    assert float(np.max(np.abs(0.3 * np.gradient(r, DT_S))[inside])) > 0.05
