@@ -210,7 +210,7 @@ def fitted(
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}
-    untold = (untold_turns(drive) if MOUNT in effects else set()) | untold_beside(drive)
+    untold = (untold_turns(drive, effects) if MOUNT in effects else set()) | untold_beside(drive)
     few = {*GUESSED, *(e for e in ONE_BY_ONE if there.intersection(words.columns_of(e)))}
     own = (i for e in effects for i in words.columns_of(e) if (i in there or e not in few) and i not in untold | hidden)
     evenly = evenly_by(drive, effects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -22,14 +22,15 @@ _GYRO_X, _GYRO_Y, _ACCEL_Z = 0, 1, 5
 IN_A_BODY_M = 0.05
 
 
-def untold_turns(drive: Drive) -> set[int]:
+def untold_turns(drive: Drive, effects: Collection[str] = ()) -> set[int]:
     """Columns of turns that only gravity would show, as a constant: the same as an accelerometer's offset.
 
-    A pitched mount shows the yaw rate to the roll gyro, and what speeds the car up to a_z.
+    A pitched mount shows the yaw rate to the roll gyro, and what speeds the car up to a_z. What is rolled shows the
+    yaw gyro how a road that climbs pitches the car, what is pitched how a bank rolls it.
     """
     gyro_x, gyro_y, accel_z = (bool(np.isfinite(drive.measured[:, c]).any()) for c in (_GYRO_X, _GYRO_Y, _ACCEL_Z))
-    found = set() if gyro_y or accel_z else {_ROLL}
-    return found if gyro_x or accel_z else found | {_PITCH}
+    found = set() if gyro_y or accel_z or "road_grade" in effects else {_ROLL}
+    return found if gyro_x or accel_z or "road_bank" in effects else found | {_PITCH}
 
 
 def as_drawn_rad(x: Floats) -> dict[int, float]:

@@ -14,9 +14,11 @@ from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curv
 from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.instruments import drifted_s
 from dsz_daemon.diagnose.limits import limits_read_off
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.tilts import tips_only_what_stands_on_it
 from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
 from dsz_daemon.diagnose.winds import follows_the_car
@@ -36,7 +38,9 @@ _UNFELT = 0.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
 # And two together, by their ellipse (chi squared, one in a thousand).
-_LOAD, _TOLD_TOGETHER = "mass_loading", 13.8
+_TOLD_TOGETHER = 13.8
+# A load is one that weighs something, by so many spreads.
+_WEIGHS, _WEIGHT = 1.5, INDEX[f"{LOAD}.added_mass_kg"]
 _OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
@@ -63,7 +67,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return not rises_and_falls(way_of(drive), fit.road.grade_rad)
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
-        if _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect):
+        is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
+        if is_no_road or tips_only_what_stands_on_it(drive, rows, fit, effect):
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -86,9 +91,14 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     told = effect in OWN_CHANNEL or any(
         abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)]) for i in there
     )
-    if effect == _LOAD and not told:
+    if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
     return told or (effect in _OF_WHEELS and any(_differ(drive, fit, *pair) for pair in combinations(there, 2)))
+
+
+def weighs_nothing(fit: Fit) -> bool:
+    """Whether a load is but another place of the C.G., as far as is told, or there is less on board than configured."""
+    return _WEIGHT in fit.columns and not fit.x[_WEIGHT] > _WEIGHS * fit.std[fit.columns.index(_WEIGHT)]
 
 
 def _are_told(drive: Drive, fit: Fit, there: Sequence[int]) -> bool:

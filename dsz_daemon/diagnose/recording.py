@@ -79,7 +79,7 @@ def recorded(
         steering_ratio if by_hand else 1.0,
     )
     steering, step = _on_grid(told, first, time_s) / ratio, _step(told)
-    rounding = rounded_anew(told, step) if told is not None and step > 0.0 else []
+    rounding = rounded_anew(told, step, white_std(told.values)) if told is not None and step > 0.0 else []
     steering_kernel = _kernel_of(told)
     smooth = {name: filtered(values, kernels[name]) for name, values in raw.items()}
     tops = [_top(c, signals.get(name), first) for c, name in enumerate(IMU_CHANNELS)]

@@ -11,9 +11,9 @@ from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.plausible import is_implausible, is_told, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive
-from dsz_daemon.diagnose.trials import Step
+from dsz_daemon.diagnose.trials import ODD_LOAD, Step
 
 # Of what an effect gained when it was chosen, a rival worth another look.
 _NEAR = 0.75
@@ -65,9 +65,10 @@ def in_its_place(
 
 
 def _more(drive: Drive, nominal: Fit, before: Fit, after: Fit) -> float:
-    """As rivals: what is left hangs together more or less, so the same rows count."""
+    """As rivals: what is left hangs together more or less, so the same rows count. An empty load is odd."""
     same = np.exp(np.mean(np.log([before.per_row, after.per_row]), axis=0))
-    return gained(drive, nominal, after, same) - gained(drive, nominal, before, same)
+    odd = ODD_LOAD * (weighs_nothing(after) - weighs_nothing(before))
+    return gained(drive, nominal, after, same) - gained(drive, nominal, before, same) - odd
 
 
 def a_load_instead(

@@ -15,9 +15,10 @@ from dsz_daemon.diagnose.effects import GUESSED, INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, TILTS, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.plausible import is_implausible, is_told, weighs_nothing
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
 from dsz_daemon.diagnose.shape_names import is_of_the_car
@@ -54,6 +55,8 @@ _RIVALS = 0.5
 SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
+# A load that weighs nothing is a thousand times less likely to begin with, in log likelihood.
+ODD_LOAD = 7.0
 # Moments are moved and all is fitted again, until they stay where they are, or that gains no more than so much.
 _MOST_MOVES, _SETTLED_S, _MOVES_ON = 4, 0.2, 1.0
 _RARE = {*GUESSED, "tyre_saturation"}
@@ -172,13 +175,14 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
     """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
 
     A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
-    general.
+    general; and a load that weighs nothing, than what turns a car as it does.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
+        alike -= ODD_LOAD if step.effect == LOAD and weighs_nothing(step.fit) else 0.0
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank

@@ -12,7 +12,7 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import BLOCK_S, FOLDS, noises
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.motion import CarModel
-from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, car_of, driven, in_time, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, Profiles, car_of, driven, in_time, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, sharp_kernel
 
 # A wind changes over seconds; what is quicker is mostly the accelerometer's noise. A push would bring it into the yaw
@@ -101,17 +101,31 @@ def _push_n(car: CarModel, across_mps2: Floats, v_mps: Floats, dt_s: float) -> F
 
 
 def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
-    """Whether a wind is what the car's own lateral acceleration and yaw rate were just before: then it is none."""
+    """Whether a wind is what the car's own lateral acceleration and yaw rate were just before: then it is none.
+
+    As much all the way, or more and more, or less and less: tyres that warm up push as a wind does that follows them.
+    """
     moving = driven(drive, x, road)
     rolling = np.flatnonzero(moving.v_mps > motion.ROLLING_MPS)[::_EVERY_ROWS]
     if len(rolling) < _ENOUGH:
         return False
     courses = [filtered(moving.moved[:, c], _GUSTS) for c in (motion.AY, motion.R)]
-    before = [np.maximum(rolling - round(late_s / DT_S), 0) for late_s in _LATER_S]
-    table = np.column_stack([course[at] for course in courses for at in before])
+
+    def before(late_s: float) -> list[Floats]:
+        return [course[np.maximum(rolling - round(late_s / DT_S), 0)] for course in courses]
+
+    evenly = [one for late_s in _LATER_S for one in before(late_s)]
+    lately = [one for late_s in _LATER_S[::2][:2] for one in before(late_s)]
+    way = np.linspace(-1.0, 1.0, len(rolling))
+    tables = (evenly, [*lately, *(way * one for one in lately)])
+    return any(_is_told_by(np.column_stack(table), road.side_n[rolling], rolling) for table in tables)
+
+
+def _is_told_by(table: Floats, side_n: Floats, rows: Ints) -> bool:
+    """Whether a wind (n,) has most of its power in common with what is linear in these (n, p), on unseen blocks."""
     table = (table - np.mean(table, axis=0)) / np.maximum(np.std(table, axis=0), 1e-12)
-    side_n = road.side_n[rolling] - np.mean(road.side_n[rolling])
-    fold, left_n = (rolling * DT_S // BLOCK_S).astype(np.int64) % FOLDS, side_n.copy()
+    side_n = side_n - np.mean(side_n)
+    fold, left_n = (rows * DT_S // BLOCK_S).astype(np.int64) % FOLDS, side_n.copy()
     for k in range(FOLDS):
         seen, own = table[fold != k], table[fold == k]
         squares = seen.T @ seen + _RIDGE * len(seen) * np.eye(table.shape[1])

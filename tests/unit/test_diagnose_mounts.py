@@ -84,6 +84,15 @@ def test_what_shows_a_turn(without: tuple[int, ...], untold: str) -> None:
     assert untold_turns(one) == {INDEX[f"imu_misalignment.{axis}_rad"] for axis in untold.split()}
 
 
+def test_on_a_road_without_their_gyros_the_yaw_gyro_shows_a_turn() -> None:
+    """What is rolled leaks how a climbing road pitches the car, what is pitched how a bank rolls it."""
+    one = turned(np.eye(3), THREE)
+    roll, pitch = (INDEX[f"imu_misalignment.{axis}_rad"] for axis in ("roll", "pitch"))
+    assert untold_turns(one, ("imu_misalignment", "road_grade")) == {pitch}
+    assert untold_turns(one, ("imu_misalignment", "road_bank")) == {roll}
+    assert untold_turns(one, ("imu_misalignment", "suspension_roll")) == {roll, pitch}
+
+
 def test_what_any_value_would_explain_is_nothing() -> None:
     parameters = [Parameter(name, "1", 0.03, -0.2, 0.2, 0.004) for name in ("xy", "xz", "yz")]
     assert as_offsets_else(parameters, {"xy": (0.03, 0.001), "xz": (-0.2, 0.31)}) == {

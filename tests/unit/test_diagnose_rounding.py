@@ -39,6 +39,15 @@ def test_where_zero_is_is_no_matter_of_rounding() -> None:
         assert not one.values.any()
 
 
+@pytest.mark.parametrize(("white", "more"), [(0.0, 0.0), (0.28, 0.0), (0.5, 0.41), (2.0, 1.98), (math.nan, 0.0)])
+def test_noise_beyond_what_rounding_makes_of_one_comes_on_top(white: float, more: float) -> None:
+    """Each time another, by the whole deviation less the rounding's twelfth of a step's square."""
+    ways = rounded_anew(Signal(T_NS, np.full(N, 3.0)), 1.0, white)
+    for one in ways:
+        assert np.std(one.values) == pytest.approx(more, rel=0.05, abs=1e-12)
+    assert more == 0.0 or abs(np.corrcoef(ways[0].values, ways[1].values)[0, 1]) < 0.1
+
+
 def test_a_hand_that_stays_between_two_steps_is_off_for_as_long() -> None:
     """A bend to each side of half a minute: the same for all of it."""
     held = np.where(T < 30.0, 0.4, -0.4)

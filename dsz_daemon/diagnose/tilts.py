@@ -1,0 +1,53 @@
+"""A road that tilts, told from what tilts on it: a body, or a bracket, does so with no road below.
+
+Both turn the IMU, and gravity comes in. But a car follows its road: where that climbs more and more the car is lifted,
+-q v is in a_z; and on a bank it is pushed aside by what its tyres then hold, and turns by it. A body that is pitched by
+its springs, or by air, goes straight on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dsz_daemon.diagnose.comparison import Rows
+from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.prediction import Drive, predicted
+from dsz_daemon.diagnose.recording import DT_S
+
+# By what a road moves the car itself: a_z, and the yaw rate.
+_MOVED = {"road_grade": 5, "road_bank": 2}
+# A profile has its gyro's noise, of whose rate means over so long have little.
+_OVER_S = 2.0
+# Of what a road does less than half is none of it, by so many spreads and where it is told as well as that; more than
+# that the other way is something else that happens to look alike. What is left may last, but not for ever.
+_HALF, _SURELY, _TOLD, _MOST = 0.5, 2.0, 0.2, 0.9
+
+
+def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
+    """Whether what this road would do to the car itself is surely not there: less than half of it, either way.
+
+    That share is one number: by least squares on means, with a spread by what each then leaves, and for how long.
+    """
+    c, road = _MOVED[effect], fit.road
+    if not np.isfinite(drive.measured[:, c]).any():
+        return False
+    flat_rad = np.zeros(len(drive.steer))
+    level = road._replace(grade_rad=flat_rad) if effect == "road_grade" else road._replace(bank_rad=flat_rad)
+    used = rows.used[:, c]
+    moved = (predicted(drive, fit.x, road) - predicted(drive, fit.x, level))[rows.at[used], c]
+    weight, at = fit.scatter[rows.block[used], c] ** -2.0, (rows.at[used] * DT_S // _OVER_S).astype(np.int64)
+    weights = np.bincount(at, weight)
+    there = weights > 0.0
+    of_road, left = (np.bincount(at, weight * values)[there] / weights[there] for values in (moved, fit.left[used, c]))
+    weights = weights[there]
+    of_road -= np.average(of_road, weights=weights)
+    power = float(np.sum(weights * of_road**2))
+    if power <= 0.0:
+        return False
+    beyond = float(np.sum(weights * of_road * left)) / power
+    rest = left - np.average(left, weights=weights) - beyond * of_road
+    lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
+    std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
+    return std < _TOLD and abs(1.0 + beyond) + _SURELY * std < _HALF

@@ -1,0 +1,136 @@
+"""diagnose: what tips an IMU as a road would, and moves the car itself as none does; loads that weigh nothing."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
+
+from dsz_daemon.diagnose import swaps as swaps_module
+from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.motion import AY
+from dsz_daemon.diagnose.plausible import is_implausible, weighs_nothing
+from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.swaps import in_its_place
+from dsz_daemon.diagnose.tilts import tips_only_what_stands_on_it
+from dsz_daemon.diagnose.trials import ODD_LOAD, Step, rank_by
+from dsz_daemon.diagnose.winds import follows_the_car
+
+TILT_RAD = 0.04 * np.sin(0.45 * T) + 0.02 * np.sin(1.1 * T + 1.0)
+AHEAD = {"road_grade": "grade_rad", "road_bank": "bank_rad"}
+# What a road does to the car itself.
+MOVES = {"road_grade": 5, "road_bank": 2}
+WEIGHT = INDEX["mass_loading.added_mass_kg"]
+
+
+def tilted(road: str, of_the_car: float) -> Drive:
+    """A drive whose IMU is tilted as by this road, which moves the car by such a share of what it would."""
+    level = drive({}, CITY_V, CITY_STEER)
+    noise = level.measured - predicted(level, nothing(), flat(N))
+    shown = predicted(level, nothing(), flat(N)._replace(**{AHEAD[road]: TILT_RAD}))
+    even = predicted(level, nothing(), flat(N))
+    c = MOVES[road]
+    shown[:, c] = even[:, c] + of_the_car * (shown[:, c] - even[:, c])
+    return level._replace(measured=shown + noise)
+
+
+def its_road(one: Drive, road: str) -> Fit:
+    return fitted(one, rows_of(one), nothing(), (road,), TOLERANCE)
+
+
+@pytest.mark.parametrize("road", sorted(AHEAD))
+@pytest.mark.parametrize(("of_the_car", "is_none"), [(1.0, False), (0.8, False), (0.0, True), (-1.0, False)])
+def test_what_tips_the_imu_and_does_not_move_the_car_is_no_road(road: str, of_the_car: float, is_none: bool) -> None:
+    """As much the other way is something else, that is found or not: not the road's to say."""
+    one = tilted(road, of_the_car)
+    fit = its_road(one, road)
+    assert tips_only_what_stands_on_it(one, rows_of(one), fit, road) is is_none
+    if of_the_car > 0.0:
+        assert not is_implausible(one, rows_of(one), fit, road)
+
+
+def test_what_tips_only_the_body_is_implausible_as_a_road() -> None:
+    one = tilted("road_grade", 0.0)
+    assert is_implausible(one, rows_of(one), its_road(one, "road_grade"), "road_grade")
+
+
+@pytest.mark.parametrize("road", sorted(AHEAD))
+def test_where_it_is_not_told_or_not_measured_what_the_car_does_no_road_is_denied(road: str) -> None:
+    one = tilted(road, 0.0)
+    fit, rows = its_road(one, road), rows_of(one)
+    assert tips_only_what_stands_on_it(one, rows, fit, road)
+    vague = fit.left + 3.0 * np.random.default_rng(2).normal(size=fit.left.shape)
+    assert not tips_only_what_stands_on_it(one, rows, fit._replace(left=vague), road)
+    measured = one.measured.copy()
+    measured[:, MOVES[road]] = np.nan
+    assert not tips_only_what_stands_on_it(one._replace(measured=measured), rows, fit, road)
+    assert not tips_only_what_stands_on_it(one, rows, fit._replace(road=flat(N)), road)
+
+
+@pytest.mark.parametrize(("grows", "evenly", "follows"), [(1.0, 0.0, True), (-1.0, 0.0, True), (0.0, 0.0, False)])
+def test_a_wind_that_follows_the_car_more_and_more_is_none(grows: float, evenly: float, follows: bool) -> None:
+    """As tyres that warm up push against what the simulation has of them."""
+    one = drive({}, CITY_V, CITY_STEER)
+    side = driven(one, nothing(), flat(N)).moved[:, AY]
+    noise = np.convolve(np.random.default_rng(5).normal(size=N), np.ones(300) / 300.0, "same")
+    pushes = 600.0 * (grows * np.linspace(-1.0, 1.0, N) + evenly) * side / np.std(side) + 150.0 * noise / np.std(noise)
+    assert follows_the_car(one, nothing(), flat(N)._replace(side_n=pushes)) is follows
+
+
+def loaded(added_kg: float, std_kg: float) -> Any:
+    x = nothing()
+    x[WEIGHT] = added_kg
+    return SimpleNamespace(
+        x=x, std=np.array([0.1, std_kg]), columns=(0, WEIGHT), effects=("mass_loading",), per_row=np.ones(13), form=None
+    )
+
+
+@pytest.mark.parametrize(
+    ("added_kg", "std_kg", "nothing_is_there"),
+    [(300.0, 100.0, False), (160.0, 100.0, False), (140.0, 100.0, True), (190.0, 260.0, True), (-300.0, 20.0, True)],
+)
+def test_a_load_weighs_something(added_kg: float, std_kg: float, nothing_is_there: bool) -> None:
+    assert weighs_nothing(loaded(added_kg, std_kg)) is nothing_is_there
+
+
+def test_what_is_no_load_is_not_asked_for_its_weight() -> None:
+    other: Any = SimpleNamespace(x=nothing(), std=np.ones(1), columns=(0,), effects=("steering_compliance",))
+    assert not weighs_nothing(other)
+
+
+@pytest.mark.parametrize(("added_kg", "first"), [(300.0, "mass_loading"), (50.0, "steering_compliance")])
+def test_a_load_that_weighs_nothing_stands_behind_what_turns_a_car_as_it_does(
+    monkeypatch: pytest.MonkeyPatch, added_kg: float, first: str
+) -> None:
+    gains = {"mass_loading": 504.0, "steering_compliance": 500.0}
+    monkeypatch.setattr("dsz_daemon.diagnose.trials.gained", lambda *given: gains[given[2].effects[-1]])
+    steering = loaded(0.0, 1.0)
+    steering.effects, steering.columns = ("steering_compliance",), (0,)
+    steps = [Step("mass_loading", 504.0, loaded(added_kg, 100.0)), Step("steering_compliance", 500.0, steering)]
+    rank = rank_by(None, None, steps)  # type: ignore[arg-type]
+    assert max(steps, key=rank).effect == first
+    assert rank(steps[0]) == pytest.approx(504.0 - ODD_LOAD * (added_kg < 100.0))
+
+
+@pytest.mark.parametrize("weighs", [True, False])
+def test_nor_does_it_take_their_place(monkeypatch: pytest.MonkeyPatch, weighs: bool) -> None:
+    """In the place of a stiffness that gains as much."""
+    one = drive({"front_cornering_stiffness_n_per_rad": -0.3}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), ("cornering_stiffness", "wheel_radius"), TOLERANCE)
+    monkeypatch.setattr(swaps_module, "is_told", lambda *_: True)
+    monkeypatch.setattr(swaps_module, "is_implausible", lambda *_: False)
+    monkeypatch.setattr(swaps_module, "weighs_nothing", lambda fit: "mass_loading" in fit.effects and not weighs)
+    monkeypatch.setattr(
+        swaps_module, "fitted", lambda _, __, ___, effects, *____, **_____: best._replace(effects=effects)
+    )
+    steps = [Step("cornering_stiffness", 100.0, best)]
+    found = in_its_place(one, rows, best, best, "cornering_stiffness", steps, TOLERANCE, map)
+    gains = {step.effect: step.gain for step in found}
+    assert gains["steering_compliance"] == pytest.approx(0.0, abs=1e-9)
+    assert gains["mass_loading"] == pytest.approx(0.0 if weighs else -ODD_LOAD)
