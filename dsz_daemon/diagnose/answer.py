@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, values_of
 from dsz_daemon.diagnose.gains import TOLD_GAIN, told_from
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of, verdict
+from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
@@ -33,7 +33,6 @@ from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape
 from dsz_daemon.diagnose.smaller import unfelt_roads
 from dsz_daemon.diagnose.told_roads import rms_told, told_road
-from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.diagnose.unlisted import Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
 from dsz_daemon.diagnose.unnamed import not_named
 from dsz_daemon.diagnose.untested import untested
@@ -93,9 +92,8 @@ def answered(
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     no_names = not_named(found.drive, found.best, sure)
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
-    # A grade that no gyro feels is judged by one channel: what else is off is no matter.
-    alone = doubt(found, {"accel_x"} & set(unexplained)) if climbs_unfelt(found.drive) else left
-    said = (_cause(found, effect, alone if effect == "road_grade" else left, each) for effect in named)
+    doubts = (doubt_of(found, effect, unexplained) for effect in named)
+    said = (_cause(found, effect, left, each) for effect, left in zip(named, doubts, strict=True))
     causes = [cause for cause in said if cause is not None]
     causes.sort(key=lambda cause: -cause.gain)
     causes = [*(_fault(fault) for fault in faults), *_another_car(errors, by_numbers), *causes]

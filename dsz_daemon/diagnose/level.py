@@ -7,15 +7,19 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import noises
+from dsz_daemon.diagnose.effect_row import WHEELS
 from dsz_daemon.diagnose.locate import channel_names
 from dsz_daemon.diagnose.own_noise import is_its_own
 from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.signals import IMU_CHANNELS
 
 # A channel that is off by so many times its noise and the simulation's coarseness is not explained.
 UNEXPLAINED = 3.0
 # So many times more than that a sensor's own noise may be.
 _COLOURED = 2.0
+# Of the channels.
+_OTHER_WHEELS = slice(6, 8)
 
 
 def level_of(found: Search) -> dict[str, float]:
@@ -59,3 +63,15 @@ def doubt(found: Search, unexplained: Collection[str]) -> float:
     seen = found.best.sums.counts > 0
     usual = [float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]) for c in channels]
     return max([1.0, *usual])
+
+
+def doubt_of(found: Search, effect: str, unexplained: Collection[str]) -> float:
+    """What is left over what may be, of the channels that an effect is judged by.
+
+    A grade that no gyro feels is judged by one. And of the wheels that drive no simulation nothing comes into the
+    others: what they do is a matter of wheels.
+    """
+    if effect == "road_grade" and climbs_unfelt(found.drive):
+        return doubt(found, {"accel_x"} & set(unexplained))
+    is_of_wheels = found.drive.vocabulary.described(effect).touches == WHEELS
+    return doubt(found, set(unexplained) - (set() if is_of_wheels else {*channel_names(found.drive)[_OTHER_WHEELS]}))

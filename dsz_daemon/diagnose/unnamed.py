@@ -15,6 +15,9 @@ from dsz_daemon.diagnose.uneven_scales import is_uneven
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
+# In the course of what a yaw gyro shows: the car's steering, sideslip and tyres, and not the gyro's own rate alone.
+# Drive and brakes turn a car besides.
+_OF_A_TURN = ("delta", "ay", "vy", "r'")
 
 
 def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
@@ -38,6 +41,9 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
     if yaws & slides:
         names |= {*TURNS, *GRIP}
+    # And where it still turns by its steering and its tyres as none of these has it, none of these it is.
+    if any(part in course and "ax" not in course for course in yaws for part in _OF_A_TURN):
+        names |= {*TURNS, *GRIP, "steering_backlash"}
     # A bank that no roll gyro feels is what these two show: it is none where either shows something else.
     if is_unfelt(drive) and (yaws or slides):
         names |= {"road_bank"}

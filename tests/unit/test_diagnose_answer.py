@@ -338,6 +338,26 @@ def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least
     assert level.doubt(search, ["gyro_z", "accel_y"]) == pytest.approx(9.0)
 
 
+@pytest.mark.parametrize(("front_gives_speed", "wheel"), [(False, "wheel_speed_fl"), (True, "wheel_speed_rr")])
+def test_wheels_that_drive_no_simulation_are_a_doubt_of_wheels_alone(
+    monkeypatch: pytest.MonkeyPatch, front_gives_speed: bool, wheel: str
+) -> None:
+    """The others' difference is one of everything: half of it is in the speed."""
+    scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
+    scatter[:, 2], scatter[:, 6], scatter[:, 7], scatter[:, 8] = 0.2, 3.0, 3.0, 0.4
+    monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "climbs_unfelt", lambda _: False)
+    fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
+    drive = SimpleNamespace(front_gives_speed=front_gives_speed, vocabulary=BUILT_IN)
+    search: Any = SimpleNamespace(best=fit, drive=drive)
+    difference = "wheel_speed_fr" if front_gives_speed else "wheel_speed_rr"
+    for effect in ("imu_delay", "steering_ratio"):
+        assert level.doubt_of(search, effect, [wheel]) == 1.0
+        assert level.doubt_of(search, effect, [wheel, "gyro_z"]) == pytest.approx(4.0)
+        assert level.doubt_of(search, effect, [wheel, difference]) == pytest.approx(8.0)
+    assert level.doubt_of(search, "wheel_radius", [wheel]) == pytest.approx(60.0)
+
+
 def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
