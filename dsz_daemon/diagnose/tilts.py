@@ -20,9 +20,9 @@ from dsz_daemon.diagnose.recording import DT_S
 _MOVED = {"road_grade": 5, "road_bank": 2}
 # A profile has its gyro's noise, of whose rate means over so long have little.
 _OVER_S = 2.0
-# Of what a road does less than half is none of it, by so many spreads and where it is told as well as that; more than
-# that the other way is something else that happens to look alike. What is left may last, but not for ever.
-_HALF, _SURELY, _TOLD, _MOST = 0.5, 2.0, 0.2, 0.9
+# Of what a road does less than half is none of it, by so many spreads; more than that the other way is something else
+# that happens to look alike. What is left may last, but not for ever.
+_HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
 
 
 def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
@@ -31,11 +31,11 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     That share is one number: by least squares on means, with a spread by what each then leaves, and for how long.
     """
     c, road = _MOVED[effect], fit.road
-    if not np.isfinite(drive.measured[:, c]).any():
+    used = rows.used[:, c]
+    if not used.any():
         return False
     flat_rad = np.zeros(len(drive.steer))
     level = road._replace(grade_rad=flat_rad) if effect == "road_grade" else road._replace(bank_rad=flat_rad)
-    used = rows.used[:, c]
     moved = (predicted(drive, fit.x, road) - predicted(drive, fit.x, level))[rows.at[used], c]
     weight, at = fit.scatter[rows.block[used], c] ** -2.0, (rows.at[used] * DT_S // _OVER_S).astype(np.int64)
     weights = np.bincount(at, weight)
@@ -50,4 +50,4 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     rest = left - np.average(left, weights=weights) - beyond * of_road
     lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
     std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
-    return std < _TOLD and abs(1.0 + beyond) + _SURELY * std < _HALF
+    return abs(1.0 + beyond) + _SURELY * std < _HALF

@@ -54,6 +54,25 @@ def test_what_tips_the_imu_and_does_not_move_the_car_is_no_road(road: str, of_th
         assert not is_implausible(one, rows_of(one), fit, road)
 
 
+@pytest.mark.parametrize(
+    ("share", "beside", "period_s", "is_none"),
+    [(0.3, 0.8, 1.3, True), (0.45, 0.8, 1.3, False), (0.3, 0.3, 1.3, True), (0.3, 0.3, 25.0, False)],
+)
+def test_a_share_is_less_than_half_by_two_spreads_and_what_lasts_makes_these_wide(
+    share: float, beside: float, period_s: float, is_none: bool
+) -> None:
+    """So much is left `beside` it that is quick, or the same for ten seconds and more."""
+    one = tilted("road_grade", 0.0)
+    fit, rows = its_road(one, "road_grade"), rows_of(one)
+    level = fit.road._replace(grade_rad=np.zeros(N))
+    moved = (predicted(one, fit.x, fit.road) - predicted(one, fit.x, level))[rows.at]
+    left = fit.left.copy()
+    left[:, 5] = (share - 1.0) * moved[:, 5] + beside * np.std(moved[:, 5]) * np.sin(
+        2.0 * np.pi * T[rows.at] / period_s
+    )
+    assert tips_only_what_stands_on_it(one, rows, fit._replace(left=left), "road_grade") is is_none
+
+
 def test_what_tips_only_the_body_is_implausible_as_a_road() -> None:
     one = tilted("road_grade", 0.0)
     assert is_implausible(one, rows_of(one), its_road(one, "road_grade"), "road_grade")
@@ -66,9 +85,9 @@ def test_where_it_is_not_told_or_not_measured_what_the_car_does_no_road_is_denie
     assert tips_only_what_stands_on_it(one, rows, fit, road)
     vague = fit.left + 3.0 * np.random.default_rng(2).normal(size=fit.left.shape)
     assert not tips_only_what_stands_on_it(one, rows, fit._replace(left=vague), road)
-    measured = one.measured.copy()
-    measured[:, MOVES[road]] = np.nan
-    assert not tips_only_what_stands_on_it(one._replace(measured=measured), rows, fit, road)
+    used = rows.used.copy()
+    used[:, MOVES[road]] = False
+    assert not tips_only_what_stands_on_it(one, rows._replace(used=used), fit, road)
     assert not tips_only_what_stands_on_it(one, rows, fit._replace(road=flat(N)), road)
 
 
@@ -134,3 +153,11 @@ def test_nor_does_it_take_their_place(monkeypatch: pytest.MonkeyPatch, weighs: b
     gains = {step.effect: step.gain for step in found}
     assert gains["steering_compliance"] == pytest.approx(0.0, abs=1e-9)
     assert gains["mass_loading"] == pytest.approx(0.0 if weighs else -ODD_LOAD)
+
+
+def test_a_mounts_roll_is_fitted_where_a_road_climbs_that_no_gyro_feels() -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    one.measured[:, [0, 1, 5]] = np.nan
+    rows, roll = rows_of(one), INDEX["imu_misalignment.roll_rad"]
+    for effects, is_told in ((("imu_misalignment",), False), (("imu_misalignment", "road_grade"), True)):
+        assert (roll in fitted(one, rows, nothing(), effects, TOLERANCE).columns) is is_told

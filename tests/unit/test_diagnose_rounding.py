@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
+from dsz_daemon.diagnose.recording import DT_S, Recording, filter_kernel, recorded
 from dsz_daemon.diagnose.rounding import rounded_anew
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
@@ -149,3 +149,21 @@ def test_a_car_that_spins_as_it_is_configured_tells_nothing_of_rounding() -> Non
     one = drive_of(recording, spins, 16.0)
     assert not one.steps.any()
     assert not one.steps_rows.any()
+
+
+def test_a_recordings_noise_is_in_what_its_steering_may_be_off_by() -> None:
+    """A hand that goes through a step a second, and a sensor with the noise of two steps."""
+    step = math.radians(0.1)
+    noise = 2.0 * step * np.random.default_rng(4).normal(size=N)
+    course = np.asarray(0.1 * np.sin(0.2 * T))
+
+    def rms(hand: np.ndarray) -> float:
+        signals = {"road_wheel_angle": Signal(T_NS, step * np.round(hand / step)), "gyro_z": Signal(T_NS, 0.01 * T)}
+        signals |= {wheel: Signal(T_NS, np.full(N, 10.0)) for wheel in WHEEL_SPEEDS}
+        found = recorded(signals, 16.0)
+        assert found.rounding_rad is not None
+        return float(np.sqrt(np.mean(np.nan_to_num(found.rounding_rad) ** 2)))
+
+    low_pass = math.sqrt(float(np.sum(filter_kernel() ** 2)))
+    assert rms(course + noise) == pytest.approx(2.0 * step * low_pass, rel=0.15)
+    assert rms(course) < step / math.sqrt(12.0)
