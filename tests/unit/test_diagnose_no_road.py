@@ -153,6 +153,12 @@ def test_nor_does_it_take_their_place(monkeypatch: pytest.MonkeyPatch, weighs: b
     gains = {step.effect: step.gain for step in found}
     assert gains["steering_compliance"] == pytest.approx(0.0, abs=1e-9)
     assert gains["mass_loading"] == pytest.approx(0.0 if weighs else -ODD_LOAD)
+    # Nor keeps it its own.
+    loaded_best = best._replace(effects=("mass_loading", "wheel_radius"))
+    steps = [Step("mass_loading", 100.0, loaded_best)]
+    found = in_its_place(one, rows, best, loaded_best, "mass_loading", steps, TOLERANCE, map)
+    assert {step.effect for step in found} == {"cornering_stiffness", "steering_compliance"}
+    assert [step.gain for step in found] == pytest.approx([0.0 if weighs else ODD_LOAD] * 2)
 
 
 def test_a_mounts_roll_is_fitted_where_a_road_climbs_that_no_gyro_feels() -> None:
