@@ -10,6 +10,7 @@ from dsz_daemon.diagnose.comparison import noises
 from dsz_daemon.diagnose.effect_row import WHEELS
 from dsz_daemon.diagnose.locate import channel_names
 from dsz_daemon.diagnose.own_noise import is_its_own
+from dsz_daemon.diagnose.prediction import CHANNELS
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt
 from dsz_daemon.signals import IMU_CHANNELS
@@ -18,8 +19,6 @@ from dsz_daemon.signals import IMU_CHANNELS
 UNEXPLAINED = 3.0
 # So many times more than that a sensor's own noise may be.
 _COLOURED = 2.0
-# Of the channels.
-_OTHER_WHEELS = slice(6, 8)
 
 
 def level_of(found: Search) -> dict[str, float]:
@@ -73,5 +72,7 @@ def doubt_of(found: Search, effect: str, unexplained: Collection[str]) -> float:
     """
     if effect == "road_grade" and climbs_unfelt(found.drive):
         return doubt(found, {"accel_x"} & set(unexplained))
-    is_of_wheels = found.drive.vocabulary.described(effect).touches == WHEELS
-    return doubt(found, set(unexplained) - (set() if is_of_wheels else {*channel_names(found.drive)[_OTHER_WHEELS]}))
+    if found.drive.vocabulary.described(effect).touches == WHEELS:
+        return doubt(found, unexplained)
+    names = zip(channel_names(found.drive), CHANNELS, strict=True)
+    return doubt(found, set(unexplained) - {name for name, channel in names if channel.startswith("wheel_other")})

@@ -22,7 +22,7 @@ _GYRO_X, _GYRO_Y, _ACCEL_Z = 0, 1, 5
 IN_A_BODY_M = 0.05
 
 
-def untold_turns(drive: Drive, effects: Collection[str] = ()) -> set[int]:
+def untold_turns(drive: Drive, effects: Collection[str]) -> set[int]:
     """Columns of turns that only gravity would show, as a constant: the same as an accelerometer's offset.
 
     A pitched mount shows the yaw rate to the roll gyro, and what speeds the car up to a_z. What is rolled shows the

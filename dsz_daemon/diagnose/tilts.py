@@ -13,13 +13,13 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows
 from dsz_daemon.diagnose.fit import Fit
-from dsz_daemon.diagnose.prediction import Drive, predicted
-from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, predicted
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel
 
 # By what a road moves the car itself: a_z, and the yaw rate.
-_MOVED = {"road_grade": 5, "road_bank": 2}
-# A profile has its gyro's noise, of whose rate means over so long have little.
-_OVER_S = 2.0
+_MOVED, _PITCH_RATE = {"road_grade": 5, "road_bank": 2}, 1
+# A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
+_OVER_S, _OF_NOISE = 2.0, 0.5
 # Of what a road does less than half is none of it, by so many spreads; more than that the other way is something else
 # that happens to look alike. What is left may last, but not for ever.
 _HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
@@ -28,7 +28,9 @@ _HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
 def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     """Whether what this road would do to the car itself is surely not there: less than half of it, either way.
 
-    That share is one number: by least squares on means, with a spread by what each then leaves, and for how long.
+    That share is one number: by least squares on means, with a spread by what each then leaves, and for how long. Of
+    a grade's rate some is the pitch gyro's noise, which lifts no car: without that the share would come out too small
+    (errors in variables).
     """
     c, road = _MOVED[effect], fit.road
     used = rows.used[:, c]
@@ -44,10 +46,20 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     weights = weights[there]
     of_road -= np.average(of_road, weights=weights)
     power = float(np.sum(weights * of_road**2))
-    if power <= 0.0:
+    lifted_mps2 = _lifted_by_noise_mps2(drive, rows.at[used], at)[there]
+    noise = float(np.sum(weights * lifted_mps2**2)) if effect == "road_grade" else 0.0
+    if noise >= _OF_NOISE * power:
         return False
     beyond = float(np.sum(weights * of_road * left)) / power
     rest = left - np.average(left, weights=weights) - beyond * of_road
     lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
     std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
-    return abs(1.0 + beyond) + _SURELY * std < _HALF
+    return (abs(1.0 + beyond) + _SURELY * std) * power / (power - noise) < _HALF
+
+
+def _lifted_by_noise_mps2(drive: Drive, rows: Ints, at: Ints) -> Floats:
+    """By what means `at` (k,) these rows (k,) the noise of the pitch gyro seems to lift the car, rms."""
+    low_pass = math.sqrt(float(np.sum(filter_kernel() ** 2)))
+    per_row_radps = float(np.nan_to_num(drive.recording.floor[_PITCH_RATE])) / low_pass
+    v_mps = np.bincount(at, np.mean(drive.wheels, axis=1)[rows]) / np.maximum(np.bincount(at), 1)
+    return np.asarray(v_mps * per_row_radps * math.sqrt(DT_S / _OVER_S))

@@ -30,7 +30,7 @@ _LEAST_ARM_M = 0.1
 _ON_THE_BODY = 0.5
 # A wind knows nothing of the road: of its power what follows the car's own turning of the last seconds, on blocks that
 # have not been seen. Winds that there were had up to 0.35 of it, a liquid that goes to and fro 0.67 and 0.80.
-_FOLLOWS, _LATER_S, _EVERY_ROWS, _RIDGE = 0.5, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), 20, 1e-3
+_FOLLOWS, _LATER_S, _SOON_S, _EVERY_ROWS, _RIDGE = 0.5, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 1.0), 20, 1e-3
 _ENOUGH = 200
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_kernel(1.5)
@@ -115,7 +115,7 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
         return [course[np.maximum(rolling - round(late_s / DT_S), 0)] for course in courses]
 
     evenly = [one for late_s in _LATER_S for one in before(late_s)]
-    lately = [one for late_s in _LATER_S[::2][:2] for one in before(late_s)]
+    lately = [one for late_s in _SOON_S for one in before(late_s)]
     way = np.linspace(-1.0, 1.0, len(rolling))
     tables = (evenly, [*lately, *(way * one for one in lately)])
     return any(_is_told_by(np.column_stack(table), road.side_n[rolling], rolling) for table in tables)

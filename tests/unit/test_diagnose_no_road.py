@@ -16,6 +16,7 @@ from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.motion import AY
 from dsz_daemon.diagnose.plausible import is_implausible, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.recording import filter_kernel
 from dsz_daemon.diagnose.swaps import in_its_place
 from dsz_daemon.diagnose.tilts import tips_only_what_stands_on_it
 from dsz_daemon.diagnose.trials import ODD_LOAD, Step, rank_by
@@ -73,6 +74,28 @@ def test_a_share_is_less_than_half_by_two_spreads_and_what_lasts_makes_these_wid
     assert tips_only_what_stands_on_it(one, rows, fit._replace(left=left), "road_grade") is is_none
 
 
+@pytest.mark.parametrize(
+    ("share", "of_noise", "is_none"),
+    [(0.4, 0.0, True), (0.4, 0.1, True), (0.4, 0.25, False), (0.3, 0.25, True), (0.1, 0.45, True), (0.1, 0.55, False)],
+)
+def test_what_a_gyro_makes_up_of_a_road_lifts_no_car(share: float, of_noise: float, is_none: bool) -> None:
+    """Of a rate with so much noise in its power a road of share 1 shows 1 - noise; of half noise nothing is said."""
+    one = tilted("road_grade", 0.0)
+    fit, rows = its_road(one, "road_grade"), rows_of(one)
+    level = fit.road._replace(grade_rad=np.zeros(N))
+    moved = (predicted(one, fit.x, fit.road) - predicted(one, fit.x, level))[rows.at]
+    left = fit.left.copy()
+    left[:, 5] = (share - 1.0) * moved[:, 5]
+    # White noise of a row, of which 200 are in two seconds, at the speed of the car, is so much of what lifts it.
+    means = np.array([np.mean(part) for part in np.array_split(moved[:, 5] - np.mean(moved[:, 5]), 30)])
+    speeds = np.array([np.mean(part) for part in np.array_split(CITY_V[rows.at], 30)])
+    radps = np.sqrt(of_noise * 200.0 * np.sum(means**2) / np.sum(speeds**2))
+    floor = one.recording.floor.copy()
+    floor[1] = radps * np.sqrt(np.sum(filter_kernel() ** 2))
+    noisy = one._replace(recording=one.recording._replace(floor=floor))
+    assert tips_only_what_stands_on_it(noisy, rows, fit._replace(left=left), "road_grade") is is_none
+
+
 def test_what_tips_only_the_body_is_implausible_as_a_road() -> None:
     one = tilted("road_grade", 0.0)
     assert is_implausible(one, rows_of(one), its_road(one, "road_grade"), "road_grade")
@@ -91,13 +114,13 @@ def test_where_it_is_not_told_or_not_measured_what_the_car_does_no_road_is_denie
     assert not tips_only_what_stands_on_it(one, rows, fit._replace(road=flat(N)), road)
 
 
-@pytest.mark.parametrize(("grows", "evenly", "follows"), [(1.0, 0.0, True), (-1.0, 0.0, True), (0.0, 0.0, False)])
-def test_a_wind_that_follows_the_car_more_and_more_is_none(grows: float, evenly: float, follows: bool) -> None:
+@pytest.mark.parametrize(("grows", "follows"), [(1.0, True), (-1.0, True), (0.0, False)])
+def test_a_wind_that_follows_the_car_more_and_more_is_none(grows: float, follows: bool) -> None:
     """As tyres that warm up push against what the simulation has of them."""
     one = drive({}, CITY_V, CITY_STEER)
     side = driven(one, nothing(), flat(N)).moved[:, AY]
     noise = np.convolve(np.random.default_rng(5).normal(size=N), np.ones(300) / 300.0, "same")
-    pushes = 600.0 * (grows * np.linspace(-1.0, 1.0, N) + evenly) * side / np.std(side) + 150.0 * noise / np.std(noise)
+    pushes = 600.0 * grows * np.linspace(-1.0, 1.0, N) * side / np.std(side) + 150.0 * noise / np.std(noise)
     assert follows_the_car(one, nothing(), flat(N)._replace(side_n=pushes)) is follows
 
 
