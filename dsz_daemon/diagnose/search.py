@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.gains import gained, is_beyond_form, quiet
 from dsz_daemon.diagnose.moments import in_the_middle
+from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, Floats, nothing, predicted
 from dsz_daemon.diagnose.pulls import by_force
 from dsz_daemon.diagnose.screening import screened
@@ -232,12 +233,16 @@ def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
 
 
 def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
-    """Where the yaw rate is still off: the same model, of which other tyres have another wind; None where none has."""
+    """Where the yaw rate is still off: the same model, of which other tyres have another wind; None where none has.
+
+    Nor where that is none any more: what other tyres do not hold may be taken for wind that follows the car.
+    """
     felt = None if quiet(trial.drive, trial.best)[_JUDGES_WIND] else trial.best.felt.anew()
     if felt is None:
         return None
     best = trial.best
-    return fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+    anew = fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+    return None if is_implausible(trial.drive, trial.rows, anew, "side_wind") else anew
 
 
 def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:

@@ -134,6 +134,9 @@ def test_a_wind_is_felt_anew_only_where_the_yaw_rate_is_off(monkeypatch: pytest.
     assert anew is not None
     assert anew.felt.is_anew
     assert anew.effects == ("side_wind",)
+    # One that is none by then is not taken.
+    monkeypatch.setattr(search_module, "is_implausible", lambda *given: given[2:] == (given[2], "side_wind"))
+    assert _with_wind_anew(trial, map) is None
 
 
 def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part_of_it() -> None:
