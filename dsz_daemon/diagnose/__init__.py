@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.drives import against, drive_of
 from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
 from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import on_grid, recorded
 from dsz_daemon.diagnose.said import Diagnosis
@@ -73,7 +74,15 @@ def diagnose(
     """
     _require(signals)
     words = vocabulary(effects)
-    drive = drive_of(recorded(signals, steering_ratio, reference), car, steering_ratio, words)
+    if say is not None:
+        say("looking for axes that are not what they are called")
+    recording = recorded(signals, steering_ratio, reference)
+    role = BY_HAND if BY_HAND in signals else AT_THE_ROAD
+    input_faults, wiring = found_input_faults(recording, car, steering_ratio, role)
+    if input_faults:
+        signals = wiring.mended_signals(signals)
+        recording = recorded(signals, steering_ratio, reference)
+    drive = drive_of(recording, car, steering_ratio, words)
     rows = rows_of(drive)
     length_s = driven_s(drive, rows)
     if length_s < _SHORTEST_S:
@@ -81,8 +90,6 @@ def diagnose(
             f"{length_s:.1f} s of driving (above {SLOW_MPS:g} m/s, all signals there); "
             f"expected {_SHORTEST_S:g} s or more to fit and to judge"
         )
-    if say is not None:
-        say("looking for axes that are not what they are called")
     nominal = predicted(drive, nothing(words), flat(len(drive.steer)))
     used = np.zeros((len(nominal), 6), dtype=np.bool_)
     used[rows.at] = rows.used[:, :6]
@@ -103,9 +110,17 @@ def diagnose(
                 f"the simulation has none of {', '.join(CHANNELS[:6])}: there is nothing to hold it against"
             )
         drive = against(drive, theirs)
-    found = searched(drive, rows_of(drive), tolerance, say, each)
-    found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
-    return Diagnosed(answered(found, faults, each, by_numbers, stops), found)
+    try:
+        found = searched(drive, rows_of(drive), tolerance, say, each)
+        found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "the recording is so far from what the configured car can do that nothing can be fitted to it; "
+            "expected steering, wheel speeds and IMU in the units and with the signs that the configuration gives them"
+        ) from error
+    # Readings beyond what a steering reaches, in another unit, are not its end.
+    stops = [] if any(fault.channel == role for fault in input_faults) else stops
+    return Diagnosed(answered(found, [*input_faults, *faults], each, by_numbers, stops), found)
 
 
 def _where_steered(

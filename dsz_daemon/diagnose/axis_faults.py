@@ -29,11 +29,11 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 G = STANDARD_GRAVITY_MPS2
 _YAW, _ALONG = 2, 3
 # Of gyros (0) and accelerometers (1): what a reading is multiplied by if another unit is sent than the mapping says.
-_UNITS: tuple[Mapping[str, float], Mapping[str, float]] = (
+UNITS: tuple[Mapping[str, float], Mapping[str, float]] = (
     {"rad_for_deg": math.pi / 180.0, "deg_for_rad": 180.0 / math.pi},
     {"mps2_for_g": G, "g_for_mps2": 1.0 / G},
 )
-KINDS = ("reversed", *(f"swapped_with_{axis}" for axis in "xyz"), *_UNITS[0], *_UNITS[1])
+KINDS = ("reversed", *(f"swapped_with_{axis}" for axis in "xyz"), *UNITS[0], *UNITS[1])
 
 # All below are chosen, and tried on the simulated car (no effect at its plain size is called an axis fault) and on the
 # recordings of three real ones.
@@ -121,8 +121,8 @@ def wiring_of(faults: Sequence[AxisFault]) -> Wiring:
         triad = channel // 3
         if fault.kind == "reversed":
             facing[channel] = -facing[channel]
-        elif fault.kind in _UNITS[triad]:
-            factors[channel] *= _UNITS[triad][fault.kind]
+        elif fault.kind in UNITS[triad]:
+            factors[channel] *= UNITS[triad][fault.kind]
         else:
             other = 3 * triad + "xyz".index(fault.kind[-1])
             plugs[channel], plugs[other] = plugs[other], plugs[channel]
@@ -171,7 +171,7 @@ def found_faults(imu: Floats, nominal: Floats, used: Bools) -> list[AxisFault]:
 
 
 def _ways(triad: int) -> Iterator[_Way]:
-    for sensor, sign, unit in itertools.product(range(3), (1.0, -1.0), ("", *_UNITS[triad])):
+    for sensor, sign, unit in itertools.product(range(3), (1.0, -1.0), ("", *UNITS[triad])):
         yield _Way(sensor, sign, unit)
 
 
@@ -181,7 +181,7 @@ def _gyro_ways(view: _View, following: dict[_Way, _Said]) -> dict[_Way, _Said]:
     ways = dict(following)
     for way in _ways(0):
         if way.sensor != _YAW:
-            factor = _UNITS[0].get(way.unit, 1.0)
+            factor = UNITS[0].get(way.unit, 1.0)
             gain = 0.5 * (rms / _TURN_RADPS) ** 2 * (1.0 - factor**-2) - math.log(factor)
             said = _Said(min(gain, _CLEAR_GAIN), f"shows {rms:.2g} rad/s rms, more than any car rolls or pitches")
             ways[way] = said if gain > 0.0 and way.unit == "deg_for_rad" else _NOTHING
@@ -202,7 +202,7 @@ def _accel_ways(view: _View, following: dict[_Way, _Said]) -> dict[_Way, _Said]:
         else:
             said = following[way]
             # A unit that nothing else speaks for is no excuse for gravity.
-            factor = _UNITS[1].get(way.unit, 1.0) if said.gain > 0.0 else 1.0
+            factor = UNITS[1].get(way.unit, 1.0) if said.gain > 0.0 else 1.0
             upright = abs(mean) <= _HALF * G * factor
             ways[way] = _Said(said.gain + (_CLEAR_GAIN if upright else 0.0), said.words)
     return ways
@@ -271,7 +271,7 @@ class _View:
         return {way: self._fit(way, lagged, followed) for way in ways}
 
     def _fit(self, way: _Way, lagged: Sequence[Floats], followed: int) -> _Fit:
-        factor = way.sign * _UNITS[followed // 3].get(way.unit, 1.0)
+        factor = way.sign * UNITS[followed // 3].get(way.unit, 1.0)
         unsure = followed == _ALONG and way.sign < 0.0 and not np.any(self._tilts)
         least_rad = _STEEP_RAD if way.unit == "mps2_for_g" else _HILLY_RAD if unsure else 0.0
         if float(np.std(self._measured)) < least_rad * G * min(abs(factor), 1.0):

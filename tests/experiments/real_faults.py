@@ -1,4 +1,4 @@
-"""What `dsz diagnose` says of a real recording into whose payloads one fault was put; Markdown on standard output.
+"""What `dsz diagnose` says of a real recording into which one fault was put; Markdown on standard output.
 
     python tests/experiments/real_faults.py
 
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import cantools
+import yaml
 
 from dsz_daemon.errors import DszError
 from dsz_daemon.runs.diagnose import diagnose
@@ -107,6 +108,38 @@ FAULTS: dict[str, tuple[str, Put]] = {
 }  # fmt: skip
 
 
+def swapped(signals: dict[str, Any], axle: str) -> None:
+    """Left and right of an axle are taken for each other."""
+    left, right = f"wheel_speed_{axle}l", f"wheel_speed_{axle}r"
+    signals[left], signals[right] = signals[right], signals[left]
+
+
+def wheels_in_mps(signals: dict[str, Any]) -> None:
+    """The configuration takes km/h for m/s."""
+    for name in ("fl", "fr", "rl", "rr"):
+        signals[f"wheel_speed_{name}"]["unit"] = "m/s"
+
+
+# What is wrong in the configuration, not in the payloads.
+MAPPED: dict[str, Callable[[dict[str, Any]], object]] = {
+    "steering the wrong way round": lambda signals: signals["steering_wheel_angle"].update(sign=-1),
+    "degrees of the steering taken for radians": lambda signals: signals["steering_wheel_angle"].update(unit="rad"),
+    "front wheels on each other's side": lambda signals: swapped(signals, "f"),
+    "km/h of all wheels taken for m/s": wheels_in_mps,
+}
+FAULTS |= {fault: ("axis_fault", lambda frames: frames) for fault in MAPPED}
+
+
+def mapped(fault: str, folder: Path) -> Path:
+    """The configuration, with its fault if it has one."""
+    document = yaml.safe_load(CONFIG.read_text())
+    document["signals"]["dbc"] = [str((CONFIG.parent / path).resolve()) for path in document["signals"]["dbc"]]
+    MAPPED.get(fault, lambda _: None)(document["signals"])
+    config = folder / "config.yaml"
+    config.write_text(yaml.safe_dump(document))
+    return config
+
+
 def said(fault: str) -> tuple[list[str], list[str], str, dict[str, float]]:
     """Causes, shapes, the verdict, levels beyond three."""
     with tempfile.TemporaryDirectory() as name:
@@ -114,7 +147,7 @@ def said(fault: str) -> tuple[list[str], list[str], str, dict[str, float]]:
         frames = FAULTS[fault][1](read(DATA / "recording.log"))
         log.write_text("".join(f"({t:.6f}) {c} {i}#{data.hex().upper()}\n" for t, c, i, data in frames))
         try:
-            found = diagnose([log], CONFIG, Path(name) / "out", draws=False)
+            found = diagnose([log], mapped(fault, Path(name)), Path(name) / "out", draws=False)
         except DszError as error:
             return [], [], str(error).replace(name, ""), {}
     shapes = [f"{shape['channel']} {shape['shape']}" for shape in found["unlisted"]]
