@@ -36,6 +36,7 @@ ROOM = {
     "rear_track_m": 0.3,
 }
 _OF_WHEELS = tuple(CHANNELS.index(f"wheel_{which}") for which in ("other_left", "other_right", "difference"))
+_TRACKS = frozenset({"front_track_m", "rear_track_m"})
 # Numbers that take no name's place have to gain so much of what names did.
 _SHARE = 0.05
 
@@ -75,8 +76,10 @@ def with_own_numbers(
     if is_odd or far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
         return found, 0.0
     # Of a ratio and of axles that come to the same on a drive none is told: then names say more.
+    # Nor is it where one track is all that is off, and a differential that holds an axle's wheels says the same.
     errors = parameter_errors(anew, each)
-    if not any(abs(e.fitted / e.configured - 1.0) > tolerance.get(e.parameter, 0.0) for e in errors):
+    off = {e.parameter for e in errors if abs(e.fitted / e.configured - 1.0) > tolerance.get(e.parameter, 0.0)}
+    if not off or ("locked_axle" in names and off <= _TRACKS):
         return found, 0.0
     start = anew.best.x.copy()
     start[[INDEX[name] for name in room]] = 0.0

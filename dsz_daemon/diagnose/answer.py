@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, values_of
 from dsz_daemon.diagnose.gains import TOLD_GAIN, told_from
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
+from dsz_daemon.diagnose.in_part import explains_a_part
 from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
@@ -86,12 +87,16 @@ def answered(
     """
     level = level_of(found)
     unexplained = unexplained_of(found, level)
-    errors = parameter_errors(found, each)
     circle = circle_of(found.drive, found.best)
     left = doubt(found, unexplained)
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     no_names = not_named(found.drive, found.best, sure)
+    # What is given no name has no numbers, but for what is a number of the car and never had one.
+    withheld = {key for effect in no_names - {"yaw_inertia"} for key in _BEYOND.get(effect, ())}
+    errors = [error for error in parameter_errors(found, each) if error.parameter not in withheld]
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
+    of_all = (found.drive, found.rows, found.best)
+    named = [effect for effect in named if not (unexplained and explains_a_part(*of_all, effect, unexplained))]
     doubts = (doubt_of(found, effect, unexplained) for effect in named)
     said = (_cause(found, effect, left, each) for effect, left in zip(named, doubts, strict=True))
     causes = [cause for cause in said if cause is not None]

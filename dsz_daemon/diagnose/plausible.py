@@ -18,9 +18,10 @@ from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.tilts import tips_only_what_stands_on_it
+from dsz_daemon.diagnose.tilts import pulls_nothing, tips_only_what_stands_on_it
 from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
+from dsz_daemon.diagnose.wheel_readings import locks_in_front
 from dsz_daemon.diagnose.winds import follows_the_car
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -51,6 +52,8 @@ _TO_AN_AXLE = 0.6
 _FOR_A_WHILE = 0.6
 # Bodies go up and down on their springs by 1 to 2 Hz, and roads, as they are driven on, much more slowly.
 _BOUNCES_HZ = 0.5
+# Of a track that is configured wrongly the other one is so much nearer to what it is at most.
+_NARROWER, _TRACKS = 0.12, (INDEX["track_width.front"], INDEX["track_width.rear"])
 _ROLL_GYRO = 0
 _AHEAD = INDEX["side_wind.ahead_m"]
 
@@ -63,12 +66,16 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True
+    if effect == "track_width" and _holds_wheels_together(drive, fit):
+        return True
     if effect == "road_grade" and climbs_unfelt(drive):
         return not rises_and_falls(way_of(drive), fit.road.grade_rad)
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
         if is_no_road or tips_only_what_stands_on_it(drive, rows, fit, effect):
+            return True
+        if pulls_nothing(drive, rows, fit, effect):
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
@@ -93,7 +100,7 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     )
     if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
-    return told or (effect in _OF_WHEELS and any(_differ(drive, fit, *pair) for pair in combinations(there, 2)))
+    return told or (effect in _OF_WHEELS and any(are_apart(drive, fit, *pair) for pair in combinations(there, 2)))
 
 
 def weighs_nothing(fit: Fit) -> bool:
@@ -111,7 +118,7 @@ def _are_told(drive: Drive, fit: Fit, there: Sequence[int]) -> bool:
     return bool(values @ np.linalg.lstsq(covariance, values, rcond=None)[0] > _TOLD_TOGETHER)
 
 
-def _differ(drive: Drive, fit: Fit, one: int, other: int) -> bool:
+def are_apart(drive: Drive, fit: Fit, one: int, other: int) -> bool:
     """Whether two parameters are surely not the same."""
     i, j = fit.columns.index(one), fit.columns.index(other)
     variance = fit.covariance[i, i] + fit.covariance[j, j] - 2.0 * fit.covariance[i, j]
@@ -133,6 +140,13 @@ def _ends(drive: Drive, fit: Fit, effect: str) -> bool:
         told.append(abs(fit.x[i]) > _TOLD * fit.std[fit.columns.index(i)])
     pairs = list(zip(at_end, told, strict=True))
     return any(end and sure for end, sure in pairs) or (any(at_end) and not any(told))
+
+
+def _holds_wheels_together(drive: Drive, fit: Fit) -> bool:
+    """Whether the driven axle's track alone is narrow: its wheels turn alike by what a differential holds."""
+    front, rear = (float(fit.x[i]) for i in _TRACKS)
+    narrower = rear - front if locks_in_front(drive.car) else front - rear
+    return narrower > _NARROWER
 
 
 def _is_no_wind(drive: Drive, fit: Fit) -> bool:

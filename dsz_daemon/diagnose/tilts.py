@@ -13,11 +13,12 @@ import numpy as np
 
 from dsz_daemon.diagnose.comparison import Rows
 from dsz_daemon.diagnose.fit import Fit
-from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, predicted
+from dsz_daemon.diagnose.prediction import Drive, Floats, Ints
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel
+from dsz_daemon.diagnose.shown_by import shown_by
 
-# By what a road moves the car itself: a_z, and the yaw rate.
-_MOVED, _PITCH_RATE = {"road_grade": 5, "road_bank": 2}, 1
+# By what a road moves the car itself: a_z, and the yaw rate; and where its gravity is.
+_MOVED, _PITCH_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, {"road_grade": 3, "road_bank": 4}
 # A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
 _OVER_S, _OF_NOISE = 2.0, 0.5
 # Of what a road does less than half is none of it, by so many spreads; more than that the other way is something else
@@ -32,13 +33,11 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     a grade's rate some is the pitch gyro's noise, which lifts no car: without that the share would come out too small
     (errors in variables).
     """
-    c, road = _MOVED[effect], fit.road
+    c = _MOVED[effect]
     used = rows.used[:, c]
     if not used.any():
         return False
-    flat_rad = np.zeros(len(drive.steer))
-    level = road._replace(grade_rad=flat_rad) if effect == "road_grade" else road._replace(bank_rad=flat_rad)
-    moved = (predicted(drive, fit.x, road) - predicted(drive, fit.x, level))[rows.at[used], c]
+    moved = shown_by(drive, fit, effect)[rows.at[used], c]
     weight, at = fit.scatter[rows.block[used], c] ** -2.0, (rows.at[used] * DT_S // _OVER_S).astype(np.int64)
     weights = np.bincount(at, weight)
     there = weights > 0.0
@@ -55,6 +54,20 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
     std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
     return (abs(1.0 + beyond) + _SURELY * std) * power / (power - noise) < _HALF
+
+
+def pulls_nothing(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
+    """Whether the accelerometer along or across is no better with this road than it would be without it.
+
+    What its gyro feels is no road then: gravity would be there.
+    """
+    c = _PULLED[effect]
+    used = rows.used[:, c]
+    if not used.any():
+        return False
+    left = fit.left[used, c]
+    without = left + shown_by(drive, fit, effect)[rows.at[used], c]
+    return bool(np.std(left) >= np.std(without))
 
 
 def _lifted_by_noise_mps2(drive: Drive, rows: Ints, at: Ints) -> Floats:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+import numpy as np
+
 from dsz_daemon.diagnose.eccentric import parts_of
-from dsz_daemon.diagnose.fit import GRIP, Fit
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import GRIP, SAME_TURN, Fit
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_told
+from dsz_daemon.diagnose.plausible import are_apart, is_told
 from dsz_daemon.diagnose.prediction import Drive
-from dsz_daemon.diagnose.shape_names import SHAPE, is_of_the_car, is_shape, steers_by_speed
+from dsz_daemon.diagnose.shape_names import SHAPE, TYRES, is_of_the_car, is_shape, steers_by_speed
 from dsz_daemon.diagnose.trials import TURNS
 from dsz_daemon.diagnose.uneven_scales import is_uneven
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
@@ -18,6 +21,15 @@ _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # In the course of what a yaw gyro shows: the car's steering, sideslip and tyres, and not the gyro's own rate alone.
 # Drive and brakes turn a car besides.
 _OF_A_TURN = ("delta", "ay", "vy", "r'")
+
+# Bodies that lean or dive, the scale of the accelerometer that is pulled, and the gyro that would feel it.
+_ONE_WITHOUT_A_GYRO = (
+    ("suspension_roll.roll_gradient_rad_per_mps2", "accel_scale.y", 0),
+    ("suspension_pitch.pitch_gradient_rad_per_mps2", "accel_scale.x", 1),
+)
+_APART_SPREADS = 4.0
+_RESISTANCE = INDEX["wheel_slip.resistance"]
+_SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for axle in "fr")
 
 
 def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
@@ -38,6 +50,21 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
     if "locked_axle" in sure and is_told(drive, fit, "locked_axle"):
         names |= {*TURNS}
+    # Tyres that change have no stiffness that is theirs, nor are there two ways to turn beside one without a name.
+    of_car = {effect.partition(SHAPE)[0] for effect in said if is_of_the_car(effect)}
+    names |= SAME_TURN if TYRES in of_car else set()
+    if of_car and len(set(TURNS) & set(fit.effects) & set(sure) - names) > 1:
+        names |= {*TURNS}
+    # Without its gyro a lean and a scale are one: two that undo each other are none.
+    for tilt, scale, gyro in _ONE_WITHOUT_A_GYRO:
+        effects = {tilt.partition(".")[0], "accel_scale"}
+        if effects <= set(fit.effects) and np.isnan(drive.measured[:, gyro]).all():
+            pair = [INDEX[tilt], INDEX[scale]]
+            spreads = [abs(fit.x[i]) / fit.std[fit.columns.index(i)] for i in pair if i in fit.columns]
+            names |= effects if max(spreads, default=0.0) < _APART_SPREADS else set()
+    # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
+    if _rolls_otherwise(drive, fit):
+        names |= {"wheel_radius"}
     # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
     if yaws & slides:
         names |= {*TURNS, *GRIP}
@@ -48,3 +75,13 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     if is_unfelt(drive) and (yaws or slides):
         names |= {"road_bank"}
     return names
+
+
+def _rolls_otherwise(drive: Drive, fit: Fit) -> bool:
+    """Whether beside a slip whose resistance stands at an end radii differ from axle to axle alone."""
+    if "wheel_slip" not in fit.effects or "wheel_radius" not in fit.effects:
+        return False
+    resistance = drive.vocabulary.columns[_RESISTANCE][1]
+    if resistance.low < fit.x[_RESISTANCE] < resistance.high:
+        return False
+    return not any(are_apart(drive, fit, *pair) for pair in _SIDES)

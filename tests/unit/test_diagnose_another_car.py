@@ -170,3 +170,29 @@ def test_numbers_are_free_where_they_explain_more_or_a_sensor_is_idle(
         again, gain_of_numbers = with_own_numbers(one, found, tolerance)
         assert gain_of_numbers == told_by
         assert (again is found) is (told_by == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("held", "off", "anew"),
+    [
+        ("locked_axle", ["rear_track_m"], False),
+        ("locked_axle", ["front_track_m", STIFFNESS], True),
+        ("wheel_square", ["rear_track_m"], True),
+    ],
+)
+def test_a_narrow_track_alone_is_a_differential_that_holds_an_axles_wheels(
+    monkeypatch: pytest.MonkeyPatch, held: str, off: list[str], anew: bool
+) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    found = searched(one, rows_of(one), TOLERANCE)
+    names = found._replace(best=found.best._replace(effects=(held, "steering_ratio")), gains={held: 1000.0})
+    errors = [ParameterError(name, 1.5, 1.05, 0.01) for name in off]
+    monkeypatch.setattr(another_car, "gained", lambda *_: 400.0)
+    monkeypatch.setattr(another_car, "fitted", lambda *_args, **_more: found.best)
+    monkeypatch.setattr(another_car, "without", lambda *_args, **_more: found.best)
+    monkeypatch.setattr(another_car, "slopes_at", lambda *_: None)
+    monkeypatch.setattr(another_car, "searched", lambda *_: found)
+    monkeypatch.setattr(another_car, "parameter_errors", lambda *_: errors)
+    again, gain = with_own_numbers(one, names, TOLERANCE)
+    assert (gain > 0.0) is anew
+    assert (again is names) is not anew

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import filter_kernel
 from dsz_daemon.diagnose.swaps import in_its_place
-from dsz_daemon.diagnose.tilts import tips_only_what_stands_on_it
+from dsz_daemon.diagnose.tilts import pulls_nothing, tips_only_what_stands_on_it
 from dsz_daemon.diagnose.trials import ODD_LOAD, Step, rank_by
 from dsz_daemon.diagnose.winds import follows_the_car
 
@@ -26,6 +26,7 @@ TILT_RAD = 0.04 * np.sin(0.45 * T) + 0.02 * np.sin(1.1 * T + 1.0)
 AHEAD = {"road_grade": "grade_rad", "road_bank": "bank_rad"}
 # What a road does to the car itself.
 MOVES = {"road_grade": 5, "road_bank": 2}
+TRACKS = [INDEX["track_width.front"], INDEX["track_width.rear"]]
 WEIGHT = INDEX["mass_loading.added_mass_kg"]
 
 
@@ -190,3 +191,41 @@ def test_a_mounts_roll_is_fitted_where_a_road_climbs_that_no_gyro_feels() -> Non
     rows, roll = rows_of(one), INDEX["imu_misalignment.roll_rad"]
     for effects, is_told in ((("imu_misalignment",), False), (("imu_misalignment", "road_grade"), True)):
         assert (roll in fitted(one, rows, nothing(), effects, TOLERANCE).columns) is is_told
+
+
+@pytest.mark.parametrize(("road", "c"), [("road_grade", 3), ("road_bank", 4)])
+def test_what_a_gyro_feels_and_no_gravity_shows_is_no_road(road: str, c: int) -> None:
+    one = tilted(road, 1.0)
+    rows, fit = rows_of(one), its_road(one, road)
+    assert not pulls_nothing(one, rows, fit, road)
+    # As if the accelerometer had shown what it would on a level road.
+    shown = (predicted(one, fit.x, fit.road) - predicted(one, fit.x, flat(N)))[rows.at, c]
+    left = fit.left.copy()
+    left[:, c] -= shown
+    level = fit._replace(left=left)
+    assert pulls_nothing(one, rows, level, road)
+    assert is_implausible(one, rows, level, road)
+    # Half of it is more than nothing; and where nothing is measured nothing is said.
+    left[:, c] += 0.6 * shown
+    assert not pulls_nothing(one, rows, level, road)
+    left[:, c] -= 0.6 * shown
+    unused = rows.used.copy()
+    unused[:, c] = False
+    assert not pulls_nothing(one, rows._replace(used=unused), level, road)
+
+
+@pytest.mark.parametrize(
+    ("front", "rear", "is_none"),
+    [(-0.2, 0.0, True), (-0.08, 0.0, False), (-0.2, -0.2, False), (0.0, -0.2, False), (0.2, 0.0, False)],
+)
+def test_a_driven_axle_that_alone_is_narrow_has_no_other_track(front: float, rear: float, is_none: bool) -> None:
+    """Its wheels turn alike by what a differential holds; of a car that is driven behind it is the rear ones."""
+    one = drive({"track_width.front": front, "track_width.rear": rear}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("track_width",), TOLERANCE)
+    assert one.car.front_driven
+    assert is_implausible(one, rows, fit, "track_width") is is_none
+    x = fit.x.copy()
+    x[TRACKS] = x[TRACKS[::-1]]
+    other = one._replace(car=one.car._replace(front_driven=False, rear_driven=True))
+    assert is_implausible(other, rows, fit._replace(x=x), "track_width") is is_none

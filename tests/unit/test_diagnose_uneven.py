@@ -114,6 +114,10 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         (("gyro_scale", "accel_scale", "gyro_z: k*r where r > 0"), {"gyro_scale"}),
         (("gyro_scale", "accel_scale", "accel_y: k*ay*t"), {"accel_scale"}),
         (("gyro_scale", "accel_scale", "gyro_z: k*r^3"), set()),
+        ((RATIO, "cornering_stiffness", "tyres: k*t"), {"cornering_stiffness"}),
+        (("mass_loading", "steering_compliance", "tyres: k*vx^2"), {"mass_loading", "steering_compliance"}),
+        ((RATIO, "cornering_stiffness", "yaw moment: k*vx^2*ay"), {RATIO, "cornering_stiffness"}),
+        (("cornering_stiffness", "gyro_scale", "yaw moment: k*vx^2*ay"), set()),
         (("road_bank", "gyro_z: k*vx^2"), {"road_bank"}),
         (("road_bank", "accel_y: k*vx^2"), {"road_bank"}),
         (("road_bank", "accel_x: k*vx^2"), set()),
@@ -136,6 +140,41 @@ def test_beside_what_has_no_name_nothing_is_named_that_it_explains(
     by_sensors = any(effect.startswith(("gyro_z: ", "accel_y: ")) for effect in effects)
     unsaid = silent if by_sensors else silent & {"locked_axle"}
     assert not_named(drive_of_none, fit, ()) & set(effects) == unsaid
+
+
+LEAN, SCALE = INDEX["suspension_roll.roll_gradient_rad_per_mps2"], INDEX["accel_scale.y"]
+
+
+@pytest.mark.parametrize(
+    ("spreads", "is_felt", "is_one"), [(3.0, False, True), (5.0, False, False), (3.0, True, False)]
+)
+def test_without_a_gyro_a_lean_and_a_scale_that_undo_each_other_are_none(
+    spreads: float, is_felt: bool, is_one: bool
+) -> None:
+    measured = np.full((10, 13), 0.0 if is_felt else np.nan)
+    x = nothing()
+    x[LEAN], x[SCALE] = 0.02, -0.2
+    effects = ("accel_scale", "suspension_roll")
+    fit: Any = SimpleNamespace(effects=effects, x=x, columns=(LEAN, SCALE), std=np.array([0.02 / spreads, 0.1]))
+    silent = not_named(SimpleNamespace(measured=measured), fit, effects)  # type: ignore[arg-type]
+    assert silent & set(effects) == (set(effects) if is_one else set())
+
+
+@pytest.mark.parametrize(
+    ("resistance", "apart", "silent"), [(2.0, False, True), (0.0, False, True), (1.2, False, False), (2.0, True, False)]
+)
+def test_of_wheels_that_slip_radii_of_an_axle_are_told_where_resistance_is(
+    monkeypatch: pytest.MonkeyPatch, resistance: float, apart: bool, silent: bool
+) -> None:
+    asked = []
+    monkeypatch.setattr(unnamed, "are_apart", lambda _, __, *pair: bool(asked.append(pair)) or apart)
+    x = nothing()
+    x[INDEX["wheel_slip.resistance"]] = resistance
+    fit: Any = SimpleNamespace(effects=("wheel_slip", "wheel_radius"), x=x)
+    one = drive({}, CITY_V, CITY_STEER)
+    assert ("wheel_radius" in not_named(one, fit, fit.effects)) is silent
+    sides = [[INDEX[f"wheel_radius.{wheel}"] for wheel in pair] for pair in (("fl", "fr"), ("rl", "rr"))]
+    assert [list(pair) for pair in asked] == sides[: 0 if resistance == 1.2 else 1 if apart else 2]
 
 
 def test_a_bank_that_a_roll_gyro_feels_is_named_beside_anything(monkeypatch: pytest.MonkeyPatch) -> None:

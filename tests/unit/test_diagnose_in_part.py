@@ -1,0 +1,70 @@
+"""diagnose: a name that explains only a part of its own channel is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
+
+from dsz_daemon.diagnose import in_part
+from dsz_daemon.diagnose.comparison import noises, rows_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.in_part import explains_a_part
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.shown_by import shown_by
+
+QUICK = np.sin(2.0 * np.pi * T / 0.7)
+# Louder and louder within ten seconds, again and again.
+LOUD = (T % 10.0) / 10.0
+
+
+@pytest.mark.parametrize(
+    ("share", "course", "unexplained", "is_none"),
+    [
+        (0.0, LOUD, {"gyro_x"}, False),
+        (0.25, LOUD, {"gyro_x", "accel_y"}, True),
+        (0.25, LOUD, {"accel_y"}, False),
+        # As much that comes when there is least of it, or all the time.
+        (0.25, 1.0 - LOUD, {"gyro_x"}, False),
+        (0.25, np.full(len(T), 0.577), {"gyro_x"}, False),
+        (0.10, LOUD, {"gyro_x"}, False),
+        (1.8, 1.0 - LOUD, {"gyro_x"}, False),
+        (2.2, 1.0 - LOUD, {"gyro_x"}, True),
+    ],
+)
+def test_much_that_is_left_where_a_name_shows_most_is_not_its_own(
+    monkeypatch: pytest.MonkeyPatch, share: float, course: np.ndarray, unexplained: set[str], is_none: bool
+) -> None:
+    """So much of the power that the name shows, in the channel that it shows most in, is left, with such a course."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    expected = np.hypot(noises(one), fit.form)
+    shown = np.zeros((len(T), 13))
+    shown[:, 0], shown[:, 4] = 100.0 * expected[0] * LOUD * QUICK, 50.0 * expected[4] * LOUD * QUICK
+    monkeypatch.setattr(in_part, "shown_by", lambda *_: shown)
+    left = expected * np.random.default_rng(3).normal(size=fit.left.shape)
+    left[:, 0] += np.sqrt(share) * 100.0 * expected[0] * (course * np.cos(2.0 * np.pi * T / 0.7))[rows.at]
+    assert explains_a_part(one, rows, fit._replace(left=left), "road_bank", unexplained) is is_none
+
+
+@pytest.mark.parametrize("effect", ["gyro_scale", "road_bank", "road_grade", "side_wind"])
+def test_what_an_effect_shows_is_what_the_others_do_not(effect: str) -> None:
+    """A profile and its parameters, of two effects that are there."""
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    names = {"road_bank": "bank_rad", "road_grade": "grade_rad", "side_wind": "side_n"}
+    course = (100.0 if effect == "side_wind" else 0.02) * np.sin(0.5 * T)
+    x, road = fit.x.copy(), fit.road
+    x[INDEX["accel_scale.y"]] = 0.1
+    without = predicted(one, x, road)
+    if effect in names:
+        road = road._replace(**{names[effect]: course})
+    else:
+        x[INDEX["gyro_scale.z"]] = 0.1
+    there = fit._replace(x=x, road=road, effects=(effect, "accel_scale"))
+    shown = shown_by(one, there, effect)
+    assert np.abs(shown).max() > 1e-3
+    assert shown == pytest.approx(predicted(one, x, road) - without)
+    assert shown_by(one, there._replace(road=flat(len(T)), x=nothing()), effect) == pytest.approx(0.0)
