@@ -21,6 +21,8 @@ _NEAR = 0.75
 # name takes the place of none.
 _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
 _NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
+# Beside wheel speeds that are late an IMU that smooths looks like front wheels that lag, which have no name.
+_AS_LATE = {"steering_lag": frozenset({"sensor_bandwidth", "imu_delay"})}
 # What a load does to how a car turns, as two; and so little less it may gain than both.
 _TYRES = "cornering_stiffness"
 _A_LOADS, _ALIKE = frozenset({_TYRES, "yaw_inertia"}), 3.0
@@ -46,7 +48,7 @@ def in_its_place(
     first = {step.effect: step for step in reversed(rivals)}
     least = _NEAR * first[effect].gain
     near = {name for name, step in first.items() if step.gain > least and name not in _NO_RIVALS}
-    near |= SAME_TURN if effect in SAME_TURN else set()
+    near |= SAME_TURN if effect in SAME_TURN else _AS_LATE.get(effect, frozenset())
 
     def fit(name: str, each: Each) -> Fit:
         start, own = best.x.copy(), list(drive.vocabulary.columns_of(name))

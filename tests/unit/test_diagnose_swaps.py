@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
 
 from dsz_daemon.diagnose import fit as fit_module
 from dsz_daemon.diagnose import search as search_module
@@ -326,3 +326,12 @@ def test_in_a_body_that_leans_the_height_of_an_arm_is_the_imus_own(monkeypatch: 
     monkeypatch.setattr(fit_module, "IN_A_BODY_M", 0.0)
     surer = fitted(one, rows, start, ("suspension_roll", "imu_lever_arm"), TOLERANCE)
     assert spread**2 - surer.std[surer.columns.index(up)] ** 2 == pytest.approx(0.05**2)
+
+
+def test_an_imu_that_smooths_beside_late_wheels_is_no_steering_that_lags() -> None:
+    """Late against each other are the steering and the IMU by a low-pass, these and the wheels by the rest."""
+    two = {"sensor_bandwidth.time_constant_s": 0.07, "wheel_speed_delay.delay_s": 0.13}
+    assert set(found(drive(two, CITY_V, CITY_STEER)).best.effects) == {"sensor_bandwidth", "wheel_speed_delay"}
+    # With wheels that are in time it is one.
+    lags = drive({"steering_lag.time_constant_s": 0.07}, CITY_V, CITY_STEER)
+    assert found(lags).best.effects == ("steering_lag",)
