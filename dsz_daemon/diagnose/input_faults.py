@@ -31,6 +31,7 @@ _YAW, _ALONG, _ACROSS = 2, 3, 4
 _WHEEL_UNITS = {
     "kmh_for_mps": 3.6,
     "mps_for_kmh": 1.0 / 3.6,
+    "mph_for_mps": 3600.0 / 1609.344,
     "rpm_for_radps": 30.0 / math.pi,
     "radps_for_rpm": math.pi / 30.0,
 }

@@ -49,6 +49,19 @@ def test_much_that_is_left_where_a_name_shows_most_is_not_its_own(
     assert explains_a_part(one, rows, fit._replace(left=left), "road_bank", unexplained) is is_none
 
 
+def test_noise_is_not_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what shows less than its channel's noise that noise is no part that it does not explain."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    expected = np.hypot(noises(one), fit.form)
+    shown = np.zeros((len(T), 13))
+    shown[:, 0] = 0.5 * expected[0] * LOUD * QUICK
+    monkeypatch.setattr(in_part, "shown_by", lambda *_: shown)
+    left = expected * np.random.default_rng(3).normal(size=fit.left.shape)
+    assert not explains_a_part(one, rows, fit._replace(left=left), "road_bank", {"gyro_x"})
+
+
 @pytest.mark.parametrize("effect", ["gyro_scale", "road_bank", "road_grade", "side_wind"])
 def test_what_an_effect_shows_is_what_the_others_do_not(effect: str) -> None:
     """A profile and its parameters, of two effects that are there."""

@@ -11,7 +11,15 @@ import pytest
 from dsz_daemon import diagnose as api
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.input_faults import AT_THE_ROAD, BY_HAND, InputWiring, found_input_faults
+from dsz_daemon.diagnose.input_faults import (
+    AT_THE_ROAD,
+    BY_HAND,
+    InputWiring,
+    _cost,
+    _Slopes,
+    _View,
+    found_input_faults,
+)
 from dsz_daemon.diagnose.recording import recorded
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.errors import InputError
@@ -70,6 +78,20 @@ def said(signals: dict[str, Signal], role: str = BY_HAND) -> tuple[list[tuple[st
     return [(fault.channel, fault.kind) for fault in faults], wiring
 
 
+def test_each_slope_is_one_as_mapped_and_none_where_nothing_is_seen() -> None:
+    """Whatever offsets sensors have; of a gyro that shows noise alone there is none."""
+    right = driven()
+    slopes = _View(recorded(right, RATIO), CAR).slopes(1.0)
+    assert None not in slopes
+    assert slopes[:7] == pytest.approx([1.0] * 7, rel=0.03)
+    # A rate of change from one half of a second to the next one but one is a bit less.
+    assert slopes.along == pytest.approx(1.0, rel=0.06)
+    noise = np.random.default_rng(1).normal(0.0, 0.1, len(T_S))
+    seen = _View(recorded({**right, "gyro_z": right["gyro_z"]._replace(values=noise)}, RATIO), CAR).slopes(1.0)
+    assert (seen.turn, seen.front, seen.rear, seen.across) == (None,) * 4
+    assert seen.along == slopes.along
+
+
 @pytest.mark.parametrize("role", [BY_HAND, AT_THE_ROAD])
 def test_as_mapped_nothing_is_said(role: str) -> None:
     assert said(driven(role), role) == ([], InputWiring())
@@ -103,6 +125,7 @@ def test_steering_is_found_and_mended(role: str, factor: float, kinds: list[str]
     [
         (3.6, "kmh_for_mps"),
         (1.0 / 3.6, "mps_for_kmh"),
+        (2.236936, "mph_for_mps"),
         (30.0 / math.pi, "rpm_for_radps"),
         (math.pi / 30.0, "radps_for_rpm"),
     ],
@@ -148,6 +171,23 @@ def test_what_is_the_imus_is_not_the_inputs(factors: dict[str, float]) -> None:
 def test_what_no_unit_is_stays_as_it_is() -> None:
     assert said(times(driven(), {BY_HAND: 300.0})) == ([], InputWiring())
     assert said(times(driven(), {"gyro_z": 1e4})) == ([], InputWiring())
+    assert said(times(driven(), {f"wheel_speed_{wheel}": 1.6 for wheel in WHEELS})) == ([], InputWiring())
+
+
+@pytest.mark.parametrize("factor", [-1.0, DEG, 1.0 / DEG])
+def test_a_gyros_own_mistake_is_one_and_of_accelerometers_each_one(factor: float) -> None:
+    """Whatever else is told by it: 6 for a mistake, and nothing for what it explains."""
+    by_gyro = _Slopes(factor, 1.0 / factor, 1.0 / factor, 1.0, 1.0, 1.0 / factor, 1.0, 1.0)
+    assert _cost(by_gyro, InputWiring()) == pytest.approx(6.0)
+    front = by_gyro._replace(front=-1.0 / factor, front_by_steering=-1.0)
+    assert _cost(front, InputWiring(front_swapped=True)) == pytest.approx(6.0)
+    rear = by_gyro._replace(rear=-1.0 / factor, rear_by_steering=-1.0)
+    assert _cost(rear, InputWiring(rear_swapped=True)) == pytest.approx(6.0)
+    unit = -1.0 if factor < 0.0 else 9.80665
+    both = _Slopes(1.0, 1.0, 1.0, 1.0, 1.0, unit, unit, unit)
+    assert _cost(both, InputWiring()) == pytest.approx(12.0)
+    steered = _Slopes(1.0 / factor, 1.0, 1.0, 1.0 / factor, 1.0 / factor, 1.0, 1.0 / factor, 1.0)
+    assert _cost(steered, InputWiring(steering=factor)) == 0.0
 
 
 @pytest.mark.parametrize("factors", [{BY_HAND: 1.3}, {BY_HAND: 0.6}, {"gyro_z": 0.7}, {"accel_y": 1.4}, {BY_HAND: 0.0}])
@@ -158,13 +198,17 @@ def test_what_physics_does_is_no_unit(factors: dict[str, float]) -> None:
 def test_a_wheel_that_is_braked_for_moments_is_not_on_the_other_side() -> None:
     signals = driven()
     r = np.interp(T_S, T_S, signals["gyro_z"].values - 0.03)
-    outer = np.where(np.sin(2.0 * np.pi * T_S / 1.0) > 0.6, np.abs(r) > 0.08, 0.0) > 0.0
+    # For most of each second of a hard bend.
+    outer = (np.abs(r) > 0.06) & (np.sin(2.0 * np.pi * T_S) > -0.7)
     for name, sign in (("wheel_speed_fl", -1.0), ("wheel_speed_fr", 1.0)):
         values = signals[name].values
         signals[name] = signals[name]._replace(values=np.where(outer & (sign * r > 0.0), 0.9 * values, values))
     front = signals["wheel_speed_fr"].values - signals["wheel_speed_fl"].values
-    # By the mean it would be.
+    # By the mean it would be, and by most of what the car turns.
     assert float(front @ r) / float(r @ r) < 0.0
+    by_ratio = np.argsort(front / r)
+    weight = np.cumsum(np.abs(r)[by_ratio])
+    assert (front / r)[by_ratio][np.searchsorted(weight, 0.5 * weight[-1])] < 0.0
     assert said(signals) == ([], InputWiring())
 
 
