@@ -19,7 +19,7 @@ from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.shown_by import shown_by
 
 # Of what an effect shows (power) so much is left, and of seconds the ranks of both agree by so much. Right names of
-# eleven simulators had 0.07 at 0.75, or 0.39 at most; of wrong ones four had 0.73 and more.
+# six simulators had 0.07 at 0.75, or 0.39 at most; of wrong ones four had 0.73 and more.
 _MUCH, _TOGETHER, _PIECE_S = 0.12, 0.6, 1.0
 # Or so many times more is left than it explains: of right names 0.9.
 _MOST = 2.0
