@@ -115,7 +115,7 @@ def diagnose(
         found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
     except np.linalg.LinAlgError as error:
         raise InputError(
-            "the recording is so far from what the configured car can do that nothing can be fitted to it; "
+            f"the recording is so far from what the configured car can do that nothing can be fitted to it ({error}); "
             "expected steering, wheel speeds and IMU in the units and with the signs that the configuration gives them"
         ) from error
     # Readings beyond what a steering reaches, in another unit, are not its end.

@@ -91,12 +91,13 @@ def answered(
     left = doubt(found, unexplained)
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     no_names = not_named(found.drive, found.best, sure)
+    if unexplained:
+        of_all = (found.drive, found.rows, found.best)
+        no_names |= {e for e in found.best.effects if not is_shape(e) and explains_a_part(*of_all, e, unexplained)}
     # What is given no name has no numbers, but for what is a number of the car and never had one.
     withheld = {key for effect in no_names - {"yaw_inertia"} for key in _BEYOND.get(effect, ())}
     errors = [error for error in parameter_errors(found, each) if error.parameter not in withheld]
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
-    of_all = (found.drive, found.rows, found.best)
-    named = [effect for effect in named if not (unexplained and explains_a_part(*of_all, effect, unexplained))]
     doubts = (doubt_of(found, effect, unexplained) for effect in named)
     said = (_cause(found, effect, left, each) for effect, left in zip(named, doubts, strict=True))
     causes = [cause for cause in said if cause is not None]

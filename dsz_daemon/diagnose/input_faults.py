@@ -130,7 +130,7 @@ def found_input_faults(
     words = [
         text.format(k=k) for text, k in zip(_WORDS, as_mapped, strict=True) if k is not None and _off(k, 1.0) > 1.0
     ]
-    gain, evidence = costs[0] - costs[best], "; ".join(words)
+    gain, evidence = costs[0] - costs[best], "; ".join(words[:_MOST_WORDS])
     # A unit is given by message, so that all wheels have it.
     each = [(one, kind) for channel, kind in ways[best].mistakes for one in ((channel,) if channel else WHEEL_SPEEDS)]
     return [AxisFault(channel, kind, gain, evidence) for channel, kind in each], ways[best].wiring

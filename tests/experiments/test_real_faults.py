@@ -21,6 +21,7 @@ WITHOUT = {"road_grade", "wheel_slip"}
     ("fault", "cause", "may"),
     [
         ("accelerometer y the wrong way round", "axis_fault", set[str]()),
+        ("steering the wrong way round", "axis_fault", set[str]()),
         # That road may bank by some 0.004 rad: nobody has measured it.
         ("rear left wheel 2 % smaller", "wheel_radius", {"road_bank"}),
         ("accelerometer z drifts by 0.01 m/s2 a second", "bias_drift", set[str]()),

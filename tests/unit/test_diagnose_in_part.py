@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
-from dsz_daemon.diagnose import in_part
+from dsz_daemon.diagnose import answer, in_part
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import noises, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
@@ -81,3 +82,24 @@ def test_what_an_effect_shows_is_what_the_others_do_not(effect: str) -> None:
     assert np.abs(shown).max() > 1e-3
     assert shown == pytest.approx(predicted(one, x, road) - without)
     assert shown_by(one, there._replace(road=flat(len(T)), x=nothing()), effect) == pytest.approx(0.0)
+
+
+def test_what_is_given_no_name_has_no_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiffness beyond its tolerance is a cause and two numbers of the car; withheld it is neither."""
+    search = found(drive({"cornering_stiffness.front_scale": -0.3}, CITY_V, CITY_STEER))
+    told = answered(search)
+    assert [cause.effect for cause in told.causes] == ["cornering_stiffness"]
+    assert "front_cornering_stiffness_n_per_rad" in {error.parameter for error in told.parameter_errors}
+    asked = []
+    monkeypatch.setattr(answer, "explains_a_part", lambda *given: bool(asked.append(given[3:])) or True)
+    # Where all is explained nothing is asked.
+    assert answered(search) == told
+    assert asked == []
+    monkeypatch.setattr(answer, "unexplained_of", lambda *_: ["gyro_z"])
+    withheld = answered(search)
+    assert (withheld.causes, withheld.parameter_errors, withheld.verdict) == ([], [], "unexplained")
+    assert asked == [("cornering_stiffness", ["gyro_z"])]
+    monkeypatch.setattr(answer, "explains_a_part", lambda *_: False)
+    assert [cause.effect for cause in answered(search).causes] == ["cornering_stiffness"]
+    monkeypatch.setattr(answer, "not_named", lambda *_: {"cornering_stiffness"})
+    assert (answered(search).causes, answered(search).parameter_errors) == ([], [])

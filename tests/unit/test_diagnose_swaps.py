@@ -335,3 +335,12 @@ def test_an_imu_that_smooths_beside_late_wheels_is_no_steering_that_lags() -> No
     # With wheels that are in time it is one.
     lags = drive({"steering_lag.time_constant_s": 0.07}, CITY_V, CITY_STEER)
     assert found(lags).best.effects == ("steering_lag",)
+    # Nor is it, where it was taken first, held against nothing.
+    both, late = drive(two, CITY_V, CITY_STEER), ("steering_lag", "wheel_speed_delay")
+    rows, nominal = rows_of(both), fitted(both, rows_of(both), nothing(), (), TOLERANCE)
+    best = fitted(both, rows, nothing(), late, TOLERANCE)
+    rivals = (Step("steering_lag", 1000.0, best),)
+    instead = in_its_place(both, rows, nominal, best, "steering_lag", rivals, TOLERANCE, map)
+    assert instead[0].effect == "sensor_bandwidth"
+    assert instead[0].gain > 0.0
+    assert set(instead[0].fit.effects) == {"sensor_bandwidth", "wheel_speed_delay"}

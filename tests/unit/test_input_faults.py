@@ -242,6 +242,23 @@ def test_a_diagnosis_goes_on_as_if_all_were_mapped_right(tmp_path: Path) -> None
     assert found.verdict == "explained"
     assert found.unlisted == []
     assert "deg instead of rad (the yaw gyro shows 0.017" in found.causes[0].statement
+    # No more than three of all that is off.
+    assert found.causes[0].statement.count(";") == 2
+
+
+@pytest.mark.parametrize(
+    ("factors", "is_said"), [({}, True), ({BY_HAND: -1.0}, False), ({f"wheel_speed_{w}": 3.6 for w in WHEELS}, True)]
+)
+def test_in_another_unit_a_steerings_last_reading_is_not_its_end(
+    monkeypatch: pytest.MonkeyPatch, factors: dict[str, float], is_said: bool
+) -> None:
+    said_of = []
+    monkeypatch.setattr(api, "_where_steered", lambda drive, *_: (drive, ["its end"]))
+    monkeypatch.setattr(api, "searched", lambda *_: None)
+    monkeypatch.setattr(api, "with_own_numbers", lambda *_: (None, 0.0))
+    monkeypatch.setattr(api, "answered", lambda *given: said_of.append(given[-1]))
+    diagnose(times(driven(), factors), CAR, RATIO)
+    assert said_of == [["its end"] if is_said else []]
 
 
 def test_where_nothing_can_be_fitted_a_user_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,4 +280,9 @@ def test_real_cars_are_mapped_as_they_are(car: str) -> None:
         vehicle = setup.settings.vehicle
         role = BY_HAND if BY_HAND in signals else AT_THE_ROAD
         recording = recorded(signals, vehicle.steering_ratio)
-        assert found_input_faults(recording, vehicle.car(), vehicle.steering_ratio, role) == ([], InputWiring())
+        of_car = (vehicle.car(), vehicle.steering_ratio, role)
+        assert found_input_faults(recording, *of_car) == ([], InputWiring())
+        if car == "rav4":
+            # Which says so since it is seen, not since nothing is.
+            wrong = recorded(times(signals, {role: -1.0}), vehicle.steering_ratio)
+            assert found_input_faults(wrong, *of_car)[1] == InputWiring(steering=-1.0)
