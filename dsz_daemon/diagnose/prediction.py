@@ -66,7 +66,7 @@ _CLOCK, _LATER = INDEX["imu_clock.late_s"], INDEX["imu_clock.per_s"]
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
-_SLIP = ("slip_per_force", "front_brakes_more", "resistance", "spun_share", "front_drives_more")
+_SLIP = ("slip_per_force", *Slip._fields[1:])
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05

@@ -45,22 +45,25 @@ class Slip(NamedTuple):
     """Slip over the force along (over load), how much more the front brakes, resistance in parts of the usual one.
 
     The usual one is of tyres that roll, and the air. `spun_share`: of the car's mass, what wheels that nothing drives
-    are as they are spun up by the road. `front_drives_more` than its load, where both axles are driven.
+    are as they are spun up by the road. `front_drives_more` than its load, where both axles are driven. What slows the
+    car by no more than `engine_brakes_mps2` does it by the axles that drive it.
     """
 
     per_force: float
-    front_brakes_more: float
-    resistance: float
-    spun_share: float
+    front_brakes_more: float = 0.0
+    resistance: float = 0.0
+    spun_share: float = 0.0
     front_drives_more: float = 0.0
+    engine_brakes_mps2: float = 0.0
 
 
 class _Shares(NamedTuple):
-    """Of drive and of brakes what the front axle has, and of the car's weight."""
+    """Of drive and of brakes what the front axle has, and of the car's weight; up to where the engine brakes."""
 
     drive: float
     brakes: float
     load: float
+    engine_brakes_mps2: float = 0.0
 
 
 def earlier(values: Floats, by_s: float) -> Floats:
@@ -88,16 +91,16 @@ def rolling(
     car by itself is in that rate: all, where it is the force at the wheels that does it. `wheels`: how far the
     front ones are drawn for small angles, and as if they were not turned.
     """
-    v, shares = rolled_mps, _shares(car, slip.front_brakes_more, slip.spun_share, slip.front_drives_more)
+    v, shares = rolled_mps, _shares(car, slip)
     if by_front:
         v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps, *wheels)
     front_slip, rear_slip, before = np.zeros(len(v)), np.zeros(len(v)), v
     if slip.per_force != 0.0:
         against_mps2 = G * grade_rad + slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v * v)
         driven, braked = _per_pull(slip, shares, by_front)
-        v = _unslipped(v, against_mps2, max(driven, 0.0), braked, DT_S)
+        v = _unslipped(v, against_mps2, max(driven, 0.0), braked, shares.engine_brakes_mps2, DT_S)
         if driven < 0.0:
-            v = v * (1.0 - driven * np.maximum(rate_of(v, DT_S) + against_mps2, 0.0))
+            v = v * (1.0 - driven * np.maximum(rate_of(v, DT_S) + against_mps2, -shares.engine_brakes_mps2))
         front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.per_force, shares)
     kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
     front_mps = rolled_mps * kept if by_front else np.zeros(0)
@@ -119,7 +122,7 @@ def free_of(
         whole = np.ones(len(v_mps))
         return whole, whole
     pull_mps2 = filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
-    free: tuple[Floats, Floats] = _free(pull_mps2, grade_rad, grip, _shares(car, front_brakes_more))
+    free: tuple[Floats, Floats] = _free(pull_mps2, grade_rad, grip, _shares(car, Slip(0.0, front_brakes_more)))
     return free
 
 
@@ -132,22 +135,23 @@ def rate_of(values: Floats, dt_s: float) -> Floats:
     return found
 
 
-def _shares(car: Car, front_brakes_more: float, spun_share: float = 0.0, front_drives_more: float = 0.0) -> _Shares:
+def _shares(car: Car, slip: Slip) -> _Shares:
     wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
     load = car.cg_to_rear_axle_m / wheelbase_m
     # What spins up the wheels of one axle is a force against the car there, and more to drive on the other.
-    one = 1.0 + spun_share if car.front_driven else -spun_share
-    drive = load * (1.0 + front_drives_more) if car.front_driven and car.rear_driven else one
-    return _Shares(drive, load * (1.0 + front_brakes_more), load)
+    one = 1.0 + slip.spun_share if car.front_driven else -slip.spun_share
+    drive = load * (1.0 + slip.front_drives_more) if car.front_driven and car.rear_driven else one
+    return _Shares(drive, load * (1.0 + slip.front_brakes_more), load, slip.engine_brakes_mps2)
 
 
 @compiled
 def _uses(pull_mps2: float, shares: _Shares) -> tuple[float, float]:
     """Each axle's force along over its load: drive on the driven ones, brakes by load but for what the front has more.
 
-    That is of the front's share of the brakes.
+    That is of the front's share of the brakes. What the engine brakes by is drive, the other way.
     """
-    driving, braking = max(pull_mps2, 0.0) / G, min(pull_mps2, 0.0) / G
+    driving = max(pull_mps2, -shares.engine_brakes_mps2) / G
+    braking = min(pull_mps2 + shares.engine_brakes_mps2, 0.0) / G
     front = (braking * shares.brakes + driving * shares.drive) / shares.load
     rear = (braking * (1.0 - shares.brakes) + driving * (1.0 - shares.drive)) / (1.0 - shares.load)
     return front, rear
@@ -155,26 +159,36 @@ def _uses(pull_mps2: float, shares: _Shares) -> tuple[float, float]:
 
 def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float]:
     """What the axle that gives the speed slips over what pulls the car, m/s^2, when driven and when braked."""
-    (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, shares), _uses(-1.0, shares)
+    by_brakes = shares._replace(engine_brakes_mps2=0.0)
+    (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, by_brakes), _uses(-1.0, by_brakes)
     driven, braked = (front_driven, front_braked) if by_front else (rear_driven, rear_braked)
     return slip.per_force * driven, -slip.per_force * braked
 
 
 @compiled
-def _unslipped(rolls_mps: Floats, against_mps2: Floats, driven: float, braked: float, dt_s: float) -> Floats:
+def _unslipped(
+    rolls_mps: Floats, against_mps2: Floats, driven: float, braked: float, engine_brakes_mps2: float, dt_s: float
+) -> Floats:
     """The speed (n,) of a car whose wheels roll this fast (n,), as they slip by so much over what pulls the car.
 
     They roll v (1 + k (v' + against)), which is ahead of the speed by k v: it lags behind them. Wheels that roll faster
-    than a car left alone are driven, others braked. Exact for wheels that speed up evenly from row to row.
+    than a car left alone, or than one that its engine brakes, are driven, others braked by what is beyond. Exact for
+    wheels that speed up evenly from row to row.
     """
     v = rolls_mps.copy()
+    # Where brakes begin wheels slip as driven ones do, and from there on otherwise: by so much they would roll faster.
+    begins = 1.0 - driven * engine_brakes_mps2
+    more = 1.0 + (driven - braked) * engine_brakes_mps2
     for i in range(1, len(v)):
-        alone_mps = v[i - 1] - against_mps2[i] * dt_s
-        after_s = (driven if rolls_mps[i] > alone_mps else braked) * rolls_mps[i]
-        behind_mps = after_s * ((rolls_mps[i] - rolls_mps[i - 1]) / dt_s + against_mps2[i])
-        v[i] = rolls_mps[i] - behind_mps
+        slowed_mps = (v[i - 1] - (against_mps2[i] + engine_brakes_mps2) * dt_s) * begins
+        by_drive = rolls_mps[i] > slowed_mps
+        rolls = rolls_mps[i] if by_drive else rolls_mps[i] * more
+        rolled = rolls_mps[i - 1] if by_drive else rolls_mps[i - 1] * more
+        after_s = (driven if by_drive else braked) * rolls
+        behind_mps = after_s * ((rolls - rolled) / dt_s + against_mps2[i])
+        v[i] = rolls - behind_mps
         if after_s > 0.0:
-            v[i] += (v[i - 1] - rolls_mps[i - 1] + behind_mps) * math.exp(-dt_s / after_s)
+            v[i] += (v[i - 1] - rolled + behind_mps) * math.exp(-dt_s / after_s)
     return v
 
 

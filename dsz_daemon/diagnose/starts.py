@@ -31,6 +31,9 @@ _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspen
 # Some load, and as much of it turns as has to.
 _SOME_LOAD, _OF_A_LOAD = 0.05, (INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.turns"])
 
+# Wheels that slip a little: of others nothing tells how brakes, drive and what resists share what slips.
+_SLIP, _SOME_SLIP = "wheel_slip", 0.02
+
 # A sensor that warms up does so within half a minute to some minutes.
 _FADES_PER_S = (-0.01, 0.008, 0.015, 0.03, 0.06)
 _RATES, _FADES = tuple(INDEX[f"bias_drift.{channel}"] for channel in IMU_CHANNELS), INDEX["bias_drift.fades_per_s"]
@@ -60,6 +63,10 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
         turning = best.x.copy()
         turning[list(_OF_A_LOAD)] = _SOME_LOAD * drive.car.mass_kg, 1.0
         starts.append(((LOAD,), turning))
+    if _SLIP in names[:_TRIED]:
+        slipping = best.x.copy()
+        slipping[INDEX[f"{_SLIP}.slip_per_force"]] = _SOME_SLIP
+        starts = [(new, slipping if new == (_SLIP,) else x) for new, x in starts]
     found = guesses(drive, rows, best, each)
     guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
     known = {effects for effects, _ in guessed}

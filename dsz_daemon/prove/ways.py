@@ -106,4 +106,5 @@ def car(rng: np.random.Generator) -> Car:
         front_cornering_stiffness_n_per_rad=round(front_n_per_rad),
         rear_cornering_stiffness_n_per_rad=round(rear_n_per_rad),
         steering_ratio=round(float(rng.uniform(13.0, 18.0)), 2),
+        engine_braking_mps2=round(float(rng.uniform(0.0, 2.0)), 2),
     )

@@ -59,6 +59,9 @@ class Car:
     wind_up_m: float = 0.0
     front_drive_share: float = 1.0  # paper: 2WD
     front_brake_share: float = 0.65  # chosen: usual proportioning
+    # What the driven wheels alone slow the car by, at most, before the brakes come on: 0.3 to 0.8 in gear with the
+    # pedal up, 1.5 to 2.5 where an electric motor recuperates.
+    engine_braking_mps2: float = 0.0
     # What lateral force turns the front wheels back by: 0, or some 1e-6 rad/N in road cars (a degree at 1 g).
     steering_compliance_rad_per_n: float = 0.0
     # Play between steering wheel and road wheels, at these.

@@ -28,6 +28,8 @@ SPEED_GAIN_PER_S = 1.0
 # last 0.5 m/s; enough for a grade of 25 %.
 HOLD_NM = 400.0
 HOLD_BELOW_MPS = 0.5
+# Chosen: the speed of a car in first gear at idle.
+LET_GO_BELOW_MPS = 2.0
 # Chosen: a driver looks so far ahead, and comes back to the middle of the lane within some seconds.
 PREVIEW_S = 0.2
 FOLLOW_RADPS = 1.0
@@ -129,6 +131,7 @@ class Hands(NamedTuple):
     radius_m: float
     front_drive_share: float
     front_brake_share: float
+    engine_braking_n: float
 
 
 def plan(programme: Programme, step_s: float) -> Plan:
@@ -164,6 +167,7 @@ def hands(programme: Programme, car: Car) -> Hands:
         car.front_wheel_radius_m,
         car.front_drive_share,
         car.front_brake_share,
+        car.engine_braking_mps2 * (car.mass_kg + spin_kg),
     )
 
 
@@ -218,7 +222,10 @@ def driver_inputs(
     if wanted_mps <= 0.0:
         hold_nm = HOLD_NM * max(0.0, 1.0 - abs(speed_mps) / HOLD_BELOW_MPS)
         torque_nm = min(torque_nm, 0.0)
-    drive_nm, brake_nm = 0.5 * max(torque_nm, 0.0), 0.5 * max(-torque_nm, 0.0)
+    # An engine that is about to stall is let go.
+    engine_nm = hands.engine_braking_n * hands.radius_m * math.tanh(max(speed_mps, 0.0) / LET_GO_BELOW_MPS)
+    drive_nm = 0.5 * max(torque_nm, -engine_nm)
+    brake_nm = 0.5 * max(-torque_nm - engine_nm, 0.0)
     inputs = Inputs(
         column_rad + hands.offset_rad,
         hands.front_drive_share * drive_nm,

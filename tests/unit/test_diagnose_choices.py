@@ -252,6 +252,15 @@ def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
     assert best["low_friction.end_s"] == pytest.approx(40.0, abs=0.5)
 
 
+def test_wheels_slip_that_an_engine_brakes() -> None:
+    """Brakes that take from there on what they do otherwise leave of a slip without an engine much that is left."""
+    slips = {"wheel_slip.slip_per_force": 0.05, "wheel_slip.engine_brakes_mps2": 1.5}
+    search = found(drive(slips, CITY_V, CITY_STEER))
+    assert search.best.effects == ("wheel_slip",)
+    assert search.best.x[INDEX["wheel_slip.slip_per_force"]] == pytest.approx(0.05, rel=0.05)
+    assert search.best.x[INDEX["wheel_slip.engine_brakes_mps2"]] == pytest.approx(1.5, rel=0.25)
+
+
 def test_a_stretch_may_begin_with_the_recording() -> None:
     """Where it begins is a number, though it is 0 at first."""
     ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 40.0}

@@ -19,7 +19,7 @@ from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
-from dsz_daemon.diagnose.rolling import free_of
+from dsz_daemon.diagnose.rolling import _unslipped, free_of
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -233,6 +233,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "resistance",
                 "spun_share",
                 "front_drives_more",
+                "engine_brakes_mps2",
                 "side_load_m",
                 "fades_per_s",
                 "turns",
@@ -326,6 +327,32 @@ def test_brakes_at_the_front_slip_at_the_front() -> None:
     rear = -0.05 * 2.0 / G * (1.0 - 1.2 * share) / (1.0 - share)
     front = -0.05 * 2.0 / G * 1.2
     assert row[6] / 30.0 == pytest.approx((1.0 + front) / (1.0 + rear), rel=1e-4)
+
+
+@pytest.mark.parametrize(("slows_mps2", "by_engine_mps2"), [(2.0, 1.5), (1.0, 1.0)])
+def test_an_engine_brakes_by_the_axle_that_it_drives(slows_mps2: float, by_engine_mps2: float) -> None:
+    """Of 2 m/s2 it takes 1.5, all at the front, and the brakes the rest by load; of 1 m/s2 all. The rear gives v."""
+    slowing = drive(60.0 - slows_mps2 * T)
+    share = TUCSON.cg_to_rear_axle_m / TUCSON.wheelbase_m
+    row = shown(slowing, wheel_slip__slip_per_force=0.05, wheel_slip__engine_brakes_mps2=1.5)[1500]
+    rear = -0.05 * (slows_mps2 - by_engine_mps2) / G
+    front = rear - 0.05 * by_engine_mps2 / G / share
+    assert row[6] / slowing.wheels[1500, 2] == pytest.approx((1.0 + front) / (1.0 + rear), rel=1e-4)
+    v = row[CHANNELS.index("reference_vx_mps")]
+    assert slowing.wheels[1500, 2] / v == pytest.approx(1.0 + rear, rel=1e-4)
+
+
+@pytest.mark.parametrize(("driven", "braked", "engine"), [(6e-3, 4e-3, 0.8), (0.0, 6e-3, 1.5), (1e-2, 2e-3, 1.5)])
+def test_slip_follows_from_the_speed_where_an_engine_brakes(driven: float, braked: float, engine: float) -> None:
+    """Wheels roll v (1 + s), s by its own slope beyond where the engine ends; back to v, to a thirtieth of v s."""
+    pull = 4.0 * np.sin(0.7 * T) + 1.5 * np.sin(2.1 * T)
+    against = np.full(N, 0.2)
+    v = 20.0 + DT_S * np.cumsum(pull - against)
+    rate = np.gradient(v, DT_S) + against
+    slip = driven * np.maximum(rate, -engine) + braked * np.minimum(rate + engine, 0.0)
+    found = _unslipped(v * (1.0 + slip), against, driven, braked, engine, DT_S)
+    inside = slice(100, -100)
+    assert np.std((found - v)[inside]) < 0.033 * np.std((v * slip)[inside])
 
 
 @pytest.mark.parametrize(

@@ -157,6 +157,24 @@ def test_the_driven_wheels_run_ahead(share: float, ahead: str) -> None:
         assert (lead > 0.005) == (axle in ahead), (axle, lead)
 
 
+@pytest.mark.parametrize(
+    ("slows_mps2", "engine_mps2", "rear_slips"), [(1.0, 1.5, False), (2.5, 1.5, True), (1.0, 0.0, True)]
+)
+def test_an_engine_brakes_the_wheels_that_it_drives_and_then_the_brakes_all(
+    slows_mps2: float, engine_mps2: float, rear_slips: bool
+) -> None:
+    car = replace(TUCSON, engine_braking_mps2=engine_mps2)
+    programme = Programme(8.0, (SpeedChange(-2.0, -1.0, 20.0), SpeedChange(1.0, 7.0, -4.0 * slows_mps2)))
+    columns = drive(TwoTrackCar(car, FLAT), programme, start=rolling(car, 20.0))
+    # Half-way the S slows the car by one and a half times its mean.
+    slowing = (columns["time_s"] > 3.5) & (columns["time_s"] < 4.5)
+    speed = columns["speed_mps"][slowing]
+    front, rear = (float(np.mean(columns[f"wheel_speed_{axle}l_mps"][slowing] / speed)) - 1.0 for axle in "fr")
+    assert float(np.mean(columns["accel_x_mps2"][slowing])) == pytest.approx(-slows_mps2, abs=0.15)
+    assert front < -2e-3
+    assert (rear < -1e-3) == rear_slips, rear
+
+
 def friction_used(columns: Columns) -> float:
     return float(np.max(np.hypot(columns["accel_x_mps2"], columns["accel_y_mps2"]))) / G
 
