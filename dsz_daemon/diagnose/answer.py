@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of,
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
-from dsz_daemon.diagnose.plausible import is_told
+from dsz_daemon.diagnose.plausible import is_told, wheels_differ
 from dsz_daemon.diagnose.prediction import Drive, Floats, driven
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.said import Cause, Diagnosis, ParameterError, Value
@@ -177,8 +177,9 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
         for name, (value, std) in judged.items()
         if math.isfinite(least.get(name, math.inf))
     ]
-    enough = left * told_from(found.drive, found.best, effect)
-    if (named and not any(named)) or found.gains[effect] < enough:
+    # What wheels have in common may be the scale of something else: their differences count, too.
+    is_much = not named or any(named) or wheels_differ(found.drive, found.best, effect)
+    if not is_much or found.gains[effect] < left * told_from(found.drive, found.best, effect):
         return None
     if effect == "imu_misalignment" and not surely and _takes_back(found):
         return None

@@ -36,7 +36,9 @@ def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: 
         [recording.imu, raw[:, other[0]], raw[:, other[1]], raw[:, own[1]] - raw[:, own[0]], beside]
     )
     measured[:, ALONG] = filtered(measured[:, ALONG], ALONG_KERNEL)
-    return with_noise(with_steps(Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary)))
+    told = steer if recording.told_rad is None else _bridged(recording.told_rad)
+    drive = Drive(car, steering_ratio, recording, steer, wheels, measured, front, vocabulary, told_steer=told)
+    return with_noise(with_steps(drive))
 
 
 def against(drive: Drive, simulated: Mapping[str, Floats]) -> Drive:

@@ -163,7 +163,8 @@ EFFECTS: tuple[Effect, ...] = (
             Parameter("spun_share", "1", 0.01, 0.0, 0.035, math.inf),
             Parameter("front_drives_more", "1", 0.2, -0.8, 0.8, math.inf),
             Parameter("engine_brakes_mps2", "m/s^2", 0.5, 0.0, 3.0, math.inf),
-            # How high the C.G. counts for the load that a bend moves to the outer wheels.
+            # How high the C.G. counts for the load that goes to the rear axle, and that a bend moves to the outer wheels.
+            Parameter("ahead_load_m", "m", 0.2, 0.0, 1.2, math.inf),
             Parameter("side_load_m", "m", 0.2, 0.0, 1.2, math.inf),
         ),
     ),

@@ -52,7 +52,6 @@ class CarModel(NamedTuple):
     rear_stiffness: float
     relaxation_m: float
     compliance_rad_per_n: float
-    backlash_rad: float
     roll_gradient: float
     roll_radps: float
     roll_damping: float
@@ -151,15 +150,13 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     pitch = -car.pitch_gradient * (v_rate[0] + G * sin_of(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
     roll_rate, pitch_rate = 0.0, 0.0
     front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
-    held, curve = steer_rad[0], curve_of(car.sharpness)
-    half = 0.5 * car.backlash_rad
+    curve = curve_of(car.sharpness)
     roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
     pitch_spring, pitch_damper = car.pitch_radps**2, 2.0 * car.pitch_damping * car.pitch_radps
     per_kg, per_kgm2 = 1.0 / car.mass_kg, 1.0 / car.yaw_inertia_kgm2
     for i in range(len(v_mps)):
         v = v_mps[i]
-        held = min(max(held, steer_rad[i] - half), steer_rad[i] + half)
-        delta = held - car.compliance_rad_per_n * front
+        delta = steer_rad[i] - car.compliance_rad_per_n * front
         cos, sin = cos_of(delta), sin_of(delta)
         tan = sin / cos
         if by_front:
@@ -224,8 +221,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             continue
         # To the middle of the step, then all of it with what acts there.
         after = min(i + 1, len(v_mps) - 1)
-        held_after = min(max(held, steer_rad[after] - half), steer_rad[after] + half)
-        delta_mid, v_mid = delta + 0.5 * (held_after - held), v + 0.5 * (v_mps[after] - v_mps[i])
+        delta_mid = delta + 0.5 * (steer_rad[after] - steer_rad[i])
+        v_mid = v + 0.5 * (v_mps[after] - v_mps[i])
         vy_mid = vy + 0.5 * dt_s * (ay - r * v)
         r_mid = r + 0.5 * dt_s * r_rate
         per_v = 1.0 / v_mid

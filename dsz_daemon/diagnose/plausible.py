@@ -100,7 +100,13 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     )
     if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
-    return told or (effect in _OF_WHEELS and any(are_apart(drive, fit, *pair) for pair in combinations(there, 2)))
+    return told or wheels_differ(drive, fit, effect)
+
+
+def wheels_differ(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether this is an effect of wheels, and surely not the same one of two of them."""
+    there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
+    return effect in _OF_WHEELS and any(are_apart(drive, fit, *pair) for pair in combinations(there, 2))
 
 
 def weighs_nothing(fit: Fit) -> bool:

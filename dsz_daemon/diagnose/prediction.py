@@ -14,6 +14,7 @@ from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.own_courses import pushed_by, turned_by
+from dsz_daemon.diagnose.play import geared, lost_in_play
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
 from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll, locks_in_front
@@ -51,7 +52,7 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"steering_lag", "wheel_growth", "wheels_more", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
     | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
-    | {"small_wheels", "unturned_wheels"}
+    | {"small_wheels", "unturned_wheels", "steering_backlash"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -80,7 +81,8 @@ class Drive(NamedTuple):
 
     `theirs` (n, 13): what the user's simulation has more than the nominal one, taken off `measured`. `steps` (13,):
     what the steering's resolution leaves in each channel, rms, which is the same for `steps_rows` (13,). `noise`
-    (n, 6): what more noise on wheel speeds and steering, as much as they have, does to the IMU's channels.
+    (n, 6): what more noise on wheel speeds and steering, as much as they have, does to the IMU's channels. `told_steer`
+    (n,): `steer` before its low-pass.
     """
 
     car: Car
@@ -95,6 +97,7 @@ class Drive(NamedTuple):
     steps: Floats = _NONE
     steps_rows: Floats = _NONE
     noise: Floats | None = None
+    told_steer: Floats = np.zeros(0)
 
 
 class Profiles(NamedTuple):
@@ -226,7 +229,6 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         2.0 * car.rear_cornering_stiffness_n_per_rad * max(1.0 + rear, _SOFTEST),
         at("tyre_relaxation.relaxation_length_m"),
         at("steering_compliance.rad_per_n"),
-        at("steering_backlash.width_rad"),
         at("suspension_roll.roll_gradient_rad_per_mps2"),
         motion.BODY_RADPS * (1.0 + at("suspension_roll.frequency_share")),
         motion.BODY_DAMPING + at("suspension_roll.damping"),
@@ -257,10 +259,10 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     def at(name: str) -> float:
         return float(x[INDEX[name]])
 
-    steer = drive.steer
-    if at("steering_ratio.scale") != 0.0 or at("steering_ratio.per_rad") != 0.0:
-        hand = np.abs(steer) * drive.steering_ratio
-        steer = steer / (1.0 + at("steering_ratio.scale") + at("steering_ratio.per_rad") * hand)
+    ratio = drive.steering_ratio, at("steering_ratio.scale"), at("steering_ratio.per_rad")
+    steer = geared(drive.steer, *ratio)
+    if (width_rad := at("steering_backlash.width_rad")) > 0.0:
+        steer = steer - lost_in_play(geared(drive.told_steer, *ratio), width_rad, drive.recording.told_kernel)
     if at("steering_lag.time_constant_s") > 0.0:
         steer = followed(steer.reshape(-1, 1), at("steering_lag.time_constant_s"), DT_S)[:, 0]
     late_s = at("steering_delay.delay_s") + at("steering_skew_s")

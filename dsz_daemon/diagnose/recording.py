@@ -46,6 +46,7 @@ class Recording(NamedTuple):
     and its floor (4,) are in the order of `REFERENCE`. `piece` (n,) counts recordings, between which `time_s` jumps.
     `tops`: IMU channels whose readings stand at an end. `rounding_rad` (ways, n): what rounding may have done to the
     steering, as it moves; None where that is not known. `pressed`: of each pedal that is recorded whether it is (n,).
+    `told_rad` (n,): the road wheels' angle before its low-pass, which has `told_kernel`; None where it has none.
     """
 
     time_s: Floats
@@ -60,6 +61,8 @@ class Recording(NamedTuple):
     tops: tuple[FlatTop, ...] = ()
     rounding_rad: Floats | None = None
     pressed: tuple[tuple[str, Floats], ...] = ()
+    told_rad: Floats | None = None
+    told_kernel: Floats | None = None
 
 
 def recorded(
@@ -103,6 +106,8 @@ def recorded(
             for name in PEDALS
             if name in signals and len(signals[name].t_ns)
         ),
+        steering,
+        steering_kernel,
     )
 
 

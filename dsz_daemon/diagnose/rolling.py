@@ -20,6 +20,8 @@ G = STANDARD_GRAVITY_MPS2
 _PULL_KERNEL = filter_kernel(0.07)
 # Of an axle's side force, however it is driven or braked.
 _LEAST_FREE = 0.05
+# Of an axle's load, however hard a car speeds up or brakes.
+_MOST_MOVED = 0.7
 # What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
 _ROLLS_MPS2, _AIR_PER_M = 0.12, 2.6e-4
 
@@ -46,7 +48,8 @@ class Slip(NamedTuple):
 
     The usual one is of tyres that roll, and the air. `spun_share`: of the car's mass, what wheels that nothing drives
     are as they are spun up by the road. `front_drives_more` than its load, where both axles are driven. What slows the
-    car by no more than `engine_brakes_mps2` does it by the axles that drive it.
+    car by no more than `engine_brakes_mps2` does it by the axles that drive it. `ahead_load_m`: how high the C.G. counts
+    for the load that goes from axle to axle as the speed changes.
     """
 
     per_force: float
@@ -55,6 +58,7 @@ class Slip(NamedTuple):
     spun_share: float = 0.0
     front_drives_more: float = 0.0
     engine_brakes_mps2: float = 0.0
+    ahead_load_m: float = 0.0
 
 
 class _Shares(NamedTuple):
@@ -98,10 +102,14 @@ def rolling(
     if slip.per_force != 0.0:
         against_mps2 = G * grade_rad + slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v * v)
         driven, braked = _per_pull(slip, shares, by_front)
-        v = _unslipped(v, against_mps2, max(driven, 0.0), braked, shares.engine_brakes_mps2, DT_S)
+        lightens = _lightens(car, shares, v, slip.ahead_load_m)[0 if by_front else 1]
+        v = _unslipped(v, against_mps2, lightens, max(driven, 0.0), braked, shares.engine_brakes_mps2, DT_S)
         if driven < 0.0:
-            v = v * (1.0 - driven * np.maximum(rate_of(v, DT_S) + against_mps2, -shares.engine_brakes_mps2))
+            pull_mps2 = np.maximum(rate_of(v, DT_S) + against_mps2, -shares.engine_brakes_mps2)
+            v = v * (1.0 - driven * lightens * pull_mps2)
         front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.per_force, shares)
+        front_lightens, rear_lightens = _lightens(car, shares, v, slip.ahead_load_m)
+        front_slip, rear_slip = front_slip * front_lightens, rear_slip * rear_lightens
     kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
     front_mps = rolled_mps * kept if by_front else np.zeros(0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
@@ -165,26 +173,41 @@ def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float
     return slip.per_force * driven, -slip.per_force * braked
 
 
+def _lightens(car: Car, shares: _Shares, v_mps: Floats, height_m: float) -> tuple[Floats, Floats]:
+    """The front and the rear axle's load (n,) on a car that stands, over what it is as the speed changes: h v'/(g l)."""
+    if height_m == 0.0:
+        return np.ones(len(v_mps)), np.ones(len(v_mps))
+    moved = height_m / (G * car.wheelbase_m) * filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
+    moved = np.clip(moved, -_MOST_MOVED * (1.0 - shares.load), _MOST_MOVED * shares.load)
+    return shares.load / (shares.load - moved), (1.0 - shares.load) / (1.0 - shares.load + moved)
+
+
 @compiled
 def _unslipped(
-    rolls_mps: Floats, against_mps2: Floats, driven: float, braked: float, engine_brakes_mps2: float, dt_s: float
+    rolls_mps: Floats,
+    against_mps2: Floats,
+    lightens: Floats,
+    driven: float,
+    braked: float,
+    engine_brakes_mps2: float,
+    dt_s: float,
 ) -> Floats:
     """The speed (n,) of a car whose wheels roll this fast (n,), as they slip by so much over what pulls the car.
 
     They roll v (1 + k (v' + against)), which is ahead of the speed by k v: it lags behind them. Wheels that roll faster
-    than a car left alone, or than one that its engine brakes, are driven, others braked by what is beyond. Exact for
-    wheels that speed up evenly from row to row.
+    than a car left alone, or than one that its engine brakes, are driven, others braked by what is beyond. All slip more
+    by how much their axle `lightens` (n,). Exact for wheels that speed up evenly from row to row.
     """
     v = rolls_mps.copy()
-    # Where brakes begin wheels slip as driven ones do, and from there on otherwise: by so much they would roll faster.
-    begins = 1.0 - driven * engine_brakes_mps2
-    more = 1.0 + (driven - braked) * engine_brakes_mps2
     for i in range(1, len(v)):
+        # Where brakes begin wheels slip as driven ones do, and from there on otherwise: so much faster they would roll.
+        begins = 1.0 - driven * lightens[i] * engine_brakes_mps2
+        more = 1.0 + (driven - braked) * lightens[i] * engine_brakes_mps2
         slowed_mps = (v[i - 1] - (against_mps2[i] + engine_brakes_mps2) * dt_s) * begins
         by_drive = rolls_mps[i] > slowed_mps
         rolls = rolls_mps[i] if by_drive else rolls_mps[i] * more
         rolled = rolls_mps[i - 1] if by_drive else rolls_mps[i - 1] * more
-        after_s = (driven if by_drive else braked) * rolls
+        after_s = (driven if by_drive else braked) * lightens[i] * rolls
         behind_mps = after_s * ((rolls - rolled) / dt_s + against_mps2[i])
         v[i] = rolls - behind_mps
         if after_s > 0.0:

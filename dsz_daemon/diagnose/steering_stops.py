@@ -94,8 +94,9 @@ def is_one(drive: Drive, stop: Stop, first_ns: int) -> bool:
 def without_it(recording: Recording, stop: Stop, first_ns: int) -> tuple[Recording, float]:
     """The recording with no steering where it stood, or the car has not forgotten that yet; and which share it was."""
     there = _within(recording.time_s, stop, first_ns, _FORGETS_S)
-    steering = np.where(there, np.nan, recording.road_wheel_angle_rad)
-    return recording._replace(road_wheel_angle_rad=steering), float(np.mean(there))
+    told = recording.road_wheel_angle_rad if recording.told_rad is None else recording.told_rad
+    known, before = (np.where(there, np.nan, steering) for steering in (recording.road_wheel_angle_rad, told))
+    return recording._replace(road_wheel_angle_rad=known, told_rad=before), float(np.mean(there))
 
 
 def _within(time_s: Floats, stop: Stop, first_ns: int, after_s: float) -> Bools:

@@ -134,6 +134,27 @@ def test_slipping_driven_wheels_run_ahead() -> None:
     assert row[6] == pytest.approx(SPEEDING.wheels[1500, 0] * (1.0 + 0.05 * (2.0 / G) / share), rel=1e-6)
 
 
+@pytest.mark.parametrize("rear_driven", [False, True])
+def test_a_driven_axle_that_loses_load_slips_more(rear_driven: bool) -> None:
+    """At 2 m/s2 h a/(g L) of the weight goes to the rear: its axle, if that drives, carries so much more."""
+    car, h = TUCSON._replace(front_driven=not rear_driven, rear_driven=rear_driven), 0.6
+    one = SPEEDING._replace(car=car, front_gives_speed=rear_driven)
+    share, moved = TUCSON.cg_to_rear_axle_m / TUCSON.wheelbase_m, h * 2.0 / (G * TUCSON.wheelbase_m)
+    row = shown(one, wheel_slip__slip_per_force=0.05, wheel_slip__ahead_load_m=h)[1500]
+    load = 1.0 - share + moved if rear_driven else share - moved
+    assert row[6] == pytest.approx(one.wheels[1500, 0] * (1.0 + 0.05 * (2.0 / G) / load), rel=1e-5)
+
+
+def test_the_axle_that_gives_the_speed_slips_by_its_own_load() -> None:
+    """Braked at 3 m/s2 the rear, whose wheels give the speed, loses h a/(g L) of the weight."""
+    slowing, h = drive(90.0 - 3.0 * T), 0.6
+    rear, moved = TUCSON.cg_to_front_axle_m / TUCSON.wheelbase_m, h * 3.0 / (G * TUCSON.wheelbase_m)
+    row = shown(slowing, wheel_slip__slip_per_force=0.05, wheel_slip__ahead_load_m=h)[1500]
+    slip = -0.05 * 3.0 / G * rear / (rear - moved)
+    v = row[CHANNELS.index("reference_vx_mps")]
+    assert slowing.wheels[1500, 2] / v == pytest.approx(1.0 + slip, rel=1e-4)
+
+
 def test_the_inner_wheel_of_a_driven_axle_carries_less_and_slips_more() -> None:
     """Of m a h / t that go from the left to the right, of m g / 2 each: half the axle's force over what it carries."""
     one, h = drive(10.0 + 2.0 * T, np.full(N, 0.004)), 0.5
@@ -234,6 +255,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "spun_share",
                 "front_drives_more",
                 "engine_brakes_mps2",
+                "ahead_load_m",
                 "side_load_m",
                 "fades_per_s",
                 "turns",
@@ -350,7 +372,7 @@ def test_slip_follows_from_the_speed_where_an_engine_brakes(driven: float, brake
     v = 20.0 + DT_S * np.cumsum(pull - against)
     rate = np.gradient(v, DT_S) + against
     slip = driven * np.maximum(rate, -engine) + braked * np.minimum(rate + engine, 0.0)
-    found = _unslipped(v * (1.0 + slip), against, driven, braked, engine, DT_S)
+    found = _unslipped(v * (1.0 + slip), against, np.ones(N), driven, braked, engine, DT_S)
     inside = slice(100, -100)
     assert np.std((found - v)[inside]) < 0.033 * np.std((v * slip)[inside])
 

@@ -1,0 +1,41 @@
+"""Play between the hand wheel and the road wheels: what of the steering is lost in it.
+
+What is compared has passed a low-pass, and so has the steering, which a car that follows it linearly does not mind.
+Play does: a hand that trembles within it moves nothing, and none of its trembling is left behind the low-pass. So the
+angle goes through the play as it was recorded, and through the low-pass then.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsz_daemon.compiled import compiled
+from dsz_daemon.diagnose.recording import filtered
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@compiled
+def played(angle_rad: Floats, width_rad: float) -> Floats:
+    """Where what is dragged along with so much play stands (n,), in the middle of it at first."""
+    held, half = np.empty(len(angle_rad)), 0.5 * width_rad
+    at = angle_rad[0]
+    for i in range(len(angle_rad)):
+        at = min(max(at, angle_rad[i] - half), angle_rad[i] + half)
+        held[i] = at
+    return held
+
+
+def geared(angle_rad: Floats, steering_ratio: float, scale: float, per_rad: float) -> Floats:
+    """An angle (n,) at the road wheels by the configured ratio, by another one that may grow with the hand wheel's."""
+    if scale == 0.0 and per_rad == 0.0:
+        return angle_rad
+    return angle_rad / (1.0 + scale + per_rad * steering_ratio * np.abs(angle_rad))
+
+
+def lost_in_play(dragging_rad: Floats, width_rad: float, kernel: Floats | None) -> Floats:
+    """By how much the road wheels (n,) stand behind what drags them, behind its low-pass if it has one."""
+    lost: Floats = dragging_rad - played(dragging_rad, width_rad)
+    return lost if kernel is None else filtered(lost, kernel)

@@ -1,0 +1,73 @@
+"""diagnose: what of a steering is lost in its play, by hand values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+
+from dsz_daemon.diagnose.drives import drive_of
+from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.play import geared, lost_in_play, played
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, recorded
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import WHEEL_SPEEDS
+
+T = DT_S * np.arange(1000)
+TREMBLES, WANDERS = 0.004 * np.sin(2.0 * np.pi * 4.0 * T), 0.03 * np.sin(0.8 * T)
+YAW = 2
+
+
+def test_play_swallows_what_is_smaller_than_itself() -> None:
+    assert not played(0.004 * np.sin(T), 0.01).any()
+
+
+def test_what_is_dragged_stands_half_the_play_behind_either_way() -> None:
+    there_and_back = np.concatenate([np.linspace(0.0, 0.02, 100), np.linspace(0.02, -0.02, 200)])
+    at = played(there_and_back, 0.01)
+    assert at[99] == pytest.approx(0.015)
+    # Back by the play's width nothing moves; then it follows again.
+    assert at[100 + 49] == pytest.approx(0.015, abs=2e-4)
+    assert at[-1] == pytest.approx(-0.015)
+
+
+def test_a_ratio_turns_the_road_wheels_less_and_less() -> None:
+    """True over configured 1.1, and 0.05 more per rad of a hand wheel that turns 16 times as far."""
+    angle = np.array([-0.05, 0.05])
+    np.testing.assert_allclose(geared(angle, 16.0, 0.1, 0.05), angle / (1.1 + 0.05 * 0.8))
+    assert geared(angle, 16.0, 0.0, 0.0) is angle
+
+
+def test_play_comes_before_the_low_pass() -> None:
+    """A hand that trembles by less than the play moves nothing, which the low-pass would show as a smaller tremble."""
+    kernel = filter_kernel()
+    kept = filtered(TREMBLES, kernel) - lost_in_play(TREMBLES, 0.01, kernel)
+    assert np.std(filtered(TREMBLES, kernel)) > 5e-4
+    np.testing.assert_allclose(kept, 0.0, atol=1e-12)
+    assert lost_in_play(TREMBLES, 0.002, None) == pytest.approx(TREMBLES - played(TREMBLES, 0.002))
+
+
+@pytest.mark.parametrize("role", ["steering_wheel_angle", "road_wheel_angle"])
+def test_a_recorded_hand_that_trembles_turns_a_car_with_play_by_what_is_dragged(role: str) -> None:
+    """Second route: a car without play that is recorded with the angle that its wheels have."""
+    at_ns = (T * 1e9).astype(np.int64) + 1
+    width_rad, ratio = 0.012, 16.0
+
+    def car_of(angle_rad: np.ndarray, **more: float) -> np.ndarray:
+        by_hand = ratio if role == "steering_wheel_angle" else 1.0
+        signals = {name: Signal(at_ns, np.full(len(T), 20.0)) for name in WHEEL_SPEEDS}
+        signals[role] = Signal(at_ns, by_hand * angle_rad)
+        signals["gyro_z"] = Signal(at_ns, np.zeros(len(T)))
+        drive, x = drive_of(recorded(signals, ratio), TUCSON, ratio), nothing()
+        for name, value in more.items():
+            x[INDEX[name.replace("__", ".")]] = value
+        return np.asarray(predicted(drive, x, flat(len(drive.steer)))[:, YAW])
+
+    steering = WANDERS + TREMBLES
+    with_play = car_of(steering, steering_backlash__width_rad=width_rad)
+    by_its_wheels = car_of(played(steering, width_rad))
+    turning = np.std(by_its_wheels)
+    assert turning > 0.05
+    assert np.std(with_play - by_its_wheels) < 1e-3 * turning
+    assert np.std(car_of(steering) - by_its_wheels) > 0.1 * turning
