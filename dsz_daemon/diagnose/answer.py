@@ -55,6 +55,8 @@ _UNTOLD_FACTOR = 0.005
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
 # Of roads without their gyros.
+# So much of how a car follows its road is not in its recording.
+_LIFTS_NOTHING = 0.7
 _UNFELT = {"road_bank": "how the car yaws on it", "road_grade": "the accelerometer, as a function of place"}
 # Of a moment: so uncertain that no spread is stated.
 _NEVER_S = 100.0
@@ -195,6 +197,8 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
         words += ", but for a factor that all share, which this drive does not tell"
     if effect in _UNFELT and effect in unfelt_roads(found.drive):
         words += f", which no gyro feels: told by {_UNFELT[effect]}"
+    if effect == "road_grade" and found.best.x[INDEX["flat_roads"]] > _LIFTS_NOTHING:
+        words += ", by its gravity alone: accel_z shows nothing of a car that follows such a road"
     odds = sum(float(one["probability"]) for one in others if one["effect"] not in group)
     return Cause(
         effect,

@@ -163,7 +163,7 @@ EFFECTS: tuple[Effect, ...] = (
             Parameter("spun_share", "1", 0.01, 0.0, 0.035, math.inf),
             Parameter("front_drives_more", "1", 0.2, -0.8, 0.8, math.inf),
             Parameter("engine_brakes_mps2", "m/s^2", 0.5, 0.0, 3.0, math.inf),
-            # How high the C.G. counts for the load that goes to the rear axle, and that a bend moves to the outer wheels.
+            # How high the C.G. counts for the load that goes to the rear axle, and to a bend's outer wheels.
             Parameter("ahead_load_m", "m", 0.2, 0.0, 1.2, math.inf),
             Parameter("side_load_m", "m", 0.2, 0.0, 1.2, math.inf),
         ),
@@ -299,6 +299,7 @@ TOLERATED = (
 # wheels that roll as if they were turned by next to nothing, or by nothing; or each about where the car turns.
 FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
+    Parameter("flat_roads", "1", 0.5, 0.0, 1.2, math.inf),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *even("steering_skew_s", "s", 0.002, 0.003, math.inf)),

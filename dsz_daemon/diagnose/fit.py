@@ -75,7 +75,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
-_SMALL_TURNS = INDEX["small_turns"]
+_SMALL_TURNS, _FLAT_ROADS = INDEX["small_turns"], INDEX["flat_roads"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -204,7 +204,7 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
-    hidden |= set() if TURNED & set(effects) else {_SMALL_TURNS}
+    hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | (set() if TILTS & set(effects) else {_FLAT_ROADS})
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     hidden |= told(start)
     first = [i for i in nuisances(tolerance) if i not in hidden]

@@ -41,6 +41,7 @@ def felt(
     forces_of_forces: Floats,
     dt_s: float,
     small_turns: float = 0.0,
+    flat_roads: float = 0.0,
 ) -> Floats:
     """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., which is `body_m` (3,) from what the body leans about.
 
@@ -48,7 +49,7 @@ def felt(
 
     Of motion (n, 12), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces. `small_turns`: of a body drawn for small angles (1) the vertical shows
-    nothing of what it leans by.
+    nothing of what it leans by; `flat_roads`: of a road drawn as a tilt alone (1) nothing of how the car follows it.
     """
     n = len(v_mps)
     p, q, p_roads, q_roads = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -71,7 +72,7 @@ def felt(
         roll, pitch = bank_rad[i] + lean, dive - grade_rad[i]
         ax = along * cos_of(dive) - G * sin_of(pitch)
         ay = across * cos_of(lean) + G * sin_of(roll)
-        az = -q_roads[i] * v_mps[i] + p_roads[i] * vy + G * cos_of(roll) * cos_of(pitch)
+        az = (1.0 - flat_roads) * (p_roads[i] * vy - q_roads[i] * v_mps[i]) + G * cos_of(roll) * cos_of(pitch)
         az += (1.0 - small_turns) * (along * sin_of(dive) - across * sin_of(lean))
         p_rate, q_rate = (p[after] - p[before]) * per_s, (q[after] - q[before]) * per_s
         rolling, diving = (moved[after, 6] - moved[before, 6]) * per_s, (moved[after, 8] - moved[before, 8]) * per_s

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.prediction import Drive, Floats, flat, predicted
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.tilts import pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
 from dsz_daemon.diagnose.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
 from dsz_daemon.diagnose.wheel_readings import locks_in_front
@@ -73,9 +73,10 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
-        if is_no_road or tips_only_what_stands_on_it(drive, rows, fit, effect):
+        if is_no_road or pulls_nothing(drive, rows, fit, effect):
             return True
-        if pulls_nothing(drive, rows, fit, effect):
+        may_lift_nothing = effect == "road_grade" and goes_to_and_fro(drive, fit)
+        if not may_lift_nothing and tips_only_what_stands_on_it(drive, rows, fit, effect):
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True

@@ -58,7 +58,7 @@ _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns)
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
 _LIFT = INDEX["nose_lift.rad_per_v2"]
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
-_SMALL_TURNS = INDEX["small_turns"]
+_SMALL_TURNS, _AS_DRAWN = INDEX["small_turns"], _places("", "small_turns flat_roads")
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
 _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
 _RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
@@ -361,7 +361,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         *gyros_of(x),
         (_ONES + x[_FORCES_OF_FORCES]) @ _turned(x),
         DT_S,
-        float(x[_SMALL_TURNS]),
+        *x[_AS_DRAWN].tolist(),
     )
     reads = smoothed(reads, x)
     add_offsets(reads, x[_OFFSETS], x[_DRIFTS], float(x[_FADES]), DT_S)

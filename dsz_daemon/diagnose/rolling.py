@@ -48,8 +48,8 @@ class Slip(NamedTuple):
 
     The usual one is of tyres that roll, and the air. `spun_share`: of the car's mass, what wheels that nothing drives
     are as they are spun up by the road. `front_drives_more` than its load, where both axles are driven. What slows the
-    car by no more than `engine_brakes_mps2` does it by the axles that drive it. `ahead_load_m`: how high the C.G. counts
-    for the load that goes from axle to axle as the speed changes.
+    car by no more than `engine_brakes_mps2` does it by the axles that drive it. `ahead_load_m`: how high the C.G.
+    counts for the load that goes from axle to axle as the speed changes.
     """
 
     per_force: float
@@ -174,7 +174,7 @@ def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float
 
 
 def _lightens(car: Car, shares: _Shares, v_mps: Floats, height_m: float) -> tuple[Floats, Floats]:
-    """The front and the rear axle's load (n,) on a car that stands, over what it is as the speed changes: h v'/(g l)."""
+    """Each axle's load as the car stands over what it is as the speed changes (n,): h v'/(g l) of the weight moves."""
     if height_m == 0.0:
         return np.ones(len(v_mps)), np.ones(len(v_mps))
     moved = height_m / (G * car.wheelbase_m) * filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
@@ -195,8 +195,8 @@ def _unslipped(
     """The speed (n,) of a car whose wheels roll this fast (n,), as they slip by so much over what pulls the car.
 
     They roll v (1 + k (v' + against)), which is ahead of the speed by k v: it lags behind them. Wheels that roll faster
-    than a car left alone, or than one that its engine brakes, are driven, others braked by what is beyond. All slip more
-    by how much their axle `lightens` (n,). Exact for wheels that speed up evenly from row to row.
+    than a car left alone, or than one that its engine brakes, are driven, others braked by what is beyond. All slip so
+    many times more as their axle `lightens` (n,). Exact for wheels that speed up evenly from row to row.
     """
     v = rolls_mps.copy()
     for i in range(1, len(v)):

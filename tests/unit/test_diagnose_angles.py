@@ -94,6 +94,18 @@ def test_a_body_drawn_for_small_angles_leans_without_its_vertical(small_turns: f
     np.testing.assert_allclose(shown[:, 4], across * np.cos(lean) + 9.80665 * np.sin(lean), rtol=1e-12)
 
 
+@pytest.mark.parametrize("flat_roads", [0.0, 0.5, 1.0])
+def test_a_road_drawn_as_a_tilt_alone_lifts_no_car(flat_roads: float) -> None:
+    """Climbing more and more by 0.02 rad/s at 20 m/s lifts it by 0.4 m/s2; gravity is as steep either way."""
+    grade = np.array([0.0, 2e-4, 4e-4])
+    none, level, n = np.zeros(3), np.eye(3), 3
+    still = (np.zeros((n, 12)), np.full(n, 20.0), np.zeros(n), np.zeros(n), grade)
+    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, 0.0, flat_roads)
+    np.testing.assert_allclose(shown[:, 1], -0.02, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 3], 9.80665 * np.sin(grade), atol=1e-12)
+    np.testing.assert_allclose(shown[:, 5], 9.80665 * np.cos(grade) + (1.0 - flat_roads) * 0.4, atol=1e-12)
+
+
 def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends() -> None:
     values = np.random.default_rng(1).normal(size=6000).cumsum()
     weights = filter_kernel(6.0)

@@ -10,7 +10,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose import swaps as swaps_module
-from dsz_daemon.diagnose.comparison import rows_of
+from dsz_daemon.diagnose.comparison import residual, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
 from dsz_daemon.diagnose.motion import AY
@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.plausible import is_implausible, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import filter_kernel
 from dsz_daemon.diagnose.swaps import in_its_place
-from dsz_daemon.diagnose.tilts import pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
 from dsz_daemon.diagnose.trials import ODD_LOAD, Step, rank_by
 from dsz_daemon.diagnose.winds import follows_the_car
 
@@ -28,6 +28,7 @@ AHEAD = {"road_grade": "grade_rad", "road_bank": "bank_rad"}
 MOVES = {"road_grade": 5, "road_bank": 2}
 TRACKS = [INDEX["track_width.front"], INDEX["track_width.rear"]]
 WEIGHT = INDEX["mass_loading.added_mass_kg"]
+FLAT_ROADS = INDEX["flat_roads"]
 
 
 def tilted(road: str, of_the_car: float) -> Drive:
@@ -42,6 +43,14 @@ def tilted(road: str, of_the_car: float) -> Drive:
 
 
 def its_road(one: Drive, road: str) -> Fit:
+    """As if a car followed it, whether it does or not."""
+    rows, fit = rows_of(one), as_drawn(one, road)
+    x = fit.x.copy()
+    x[FLAT_ROADS] = 0.0
+    return fit._replace(x=x, left=residual(rows, predicted(one, x, fit.road)))
+
+
+def as_drawn(one: Drive, road: str) -> Fit:
     return fitted(one, rows_of(one), nothing(), (road,), TOLERANCE)
 
 
@@ -54,6 +63,44 @@ def test_what_tips_the_imu_and_does_not_move_the_car_is_no_road(road: str, of_th
     assert tips_only_what_stands_on_it(one, rows_of(one), fit, road) is is_none
     if of_the_car > 0.0:
         assert not is_implausible(one, rows_of(one), fit, road)
+
+
+@pytest.mark.parametrize("of_the_car", [0.0, 1.0])
+def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) -> None:
+    """How it is drawn is found, says the same of whether a car follows it, and a hill and a dale are a road."""
+    one = tilted("road_grade", of_the_car)
+    rows, fit = rows_of(one), as_drawn(one, "road_grade")
+    assert fit.x[FLAT_ROADS] == pytest.approx(1.0 - of_the_car, abs=0.05)
+    assert tips_only_what_stands_on_it(one, rows, fit, "road_grade") is (of_the_car == 0.0)
+    assert not is_implausible(one, rows, fit, "road_grade")
+
+
+@pytest.mark.parametrize(
+    ("tilt_rad", "is_a_road"),
+    [
+        (TILT_RAD, True),
+        (0.002 * (CITY_V - np.mean(CITY_V)), False),
+        (0.005 * np.gradient(CITY_V, T), False),
+        (0.02 * np.tanh((T - 60.0) / 5.0), False),
+        (0.02 * np.exp(-(((T - 60.0) / 6.0) ** 2)), False),
+    ],
+    ids=["hills", "as fast", "as it speeds up", "once", "a hump"],
+)
+def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray, is_a_road: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit: Any = SimpleNamespace(x=nothing(), road=flat(N)._replace(grade_rad=tilt_rad))
+    assert goes_to_and_fro(one, fit) is is_a_road
+    assert not goes_to_and_fro(one._replace(wheels=np.zeros((N, 4))), fit)
+
+
+@pytest.mark.parametrize("goes", [False, True])
+def test_a_climb_that_lifts_no_car_is_a_road_as_it_comes_and_goes(monkeypatch: pytest.MonkeyPatch, goes: bool) -> None:
+    """A bank that turns none never is."""
+    monkeypatch.setattr("dsz_daemon.diagnose.plausible.goes_to_and_fro", lambda *_: goes)
+    for road in AHEAD:
+        one = tilted(road, 0.0)
+        is_none = is_implausible(one, rows_of(one), its_road(one, road), road)
+        assert is_none is (road == "road_bank" or not goes)
 
 
 @pytest.mark.parametrize(
@@ -95,11 +142,6 @@ def test_what_a_gyro_makes_up_of_a_road_lifts_no_car(share: float, of_noise: flo
     floor[1] = radps * np.sqrt(np.sum(filter_kernel() ** 2))
     noisy = one._replace(recording=one.recording._replace(floor=floor))
     assert tips_only_what_stands_on_it(noisy, rows, fit._replace(left=left), "road_grade") is is_none
-
-
-def test_what_tips_only_the_body_is_implausible_as_a_road() -> None:
-    one = tilted("road_grade", 0.0)
-    assert is_implausible(one, rows_of(one), its_road(one, "road_grade"), "road_grade")
 
 
 @pytest.mark.parametrize("road", sorted(AHEAD))
