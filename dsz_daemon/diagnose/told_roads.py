@@ -12,10 +12,11 @@ from dsz_daemon.diagnose.comparison import EVERY, Ints, Rows
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit
+from dsz_daemon.diagnose.gusts import power_above_n2
 from dsz_daemon.diagnose.prediction import Drive, Floats, Profiles, on_road
 from dsz_daemon.diagnose.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import climbs_unfelt, evenly_by
-from dsz_daemon.diagnose.winds import by_the_lean, of_noise_n
+from dsz_daemon.diagnose.winds import GUSTS, by_the_lean, of_noise_n
 
 _STIFFNESSES = tuple(INDEX[f"{axle}_cornering_stiffness_n_per_rad"] for axle in ("front", "rear"))
 # A step to see by, in spreads: what is a square is not seen as one.
@@ -29,6 +30,8 @@ _SURELY, _OF_A_FEW = 1.96, 2.3
 # Of a wind's power what the accelerometer's noise has in it is taken off, as far as that is known (its power to a
 # fourth), and something stays.
 _NOISE_UNSURE, _LEAST_OF_IT = 0.25, 0.3
+# And what it has in gusts that are too quick to be told may be half as much, or half as much again.
+_ABOVE_UNSURE = 0.5
 
 
 class _Rms(NamedTuple):
@@ -146,9 +149,12 @@ def rms_told(drive: Drive, rows: Rows, fit: Fit, effect: str) -> dict[str, tuple
     if effect in untold:
         std = math.hypot(std, _evenly(course_of(fit.x, fit.road)))
     if effect == "side_wind" and not by_the_lean(fit.x):
-        noise = float(np.mean(of_noise_n(drive, fit.x, fit.road)[at] ** 2))
+        noise_n = of_noise_n(drive, fit.x, fit.road)
+        noise, above = float(np.mean(noise_n[at] ** 2)), power_above_n2(fit.road.side_n, noise_n, GUSTS)
         less = math.sqrt(max(value**2 - noise, (_LEAST_OF_IT * value) ** 2))
-        value, std = less, math.hypot(std * less / value, _NOISE_UNSURE * noise / (2.0 * less))
+        whole = math.hypot(less, math.sqrt(above))
+        unsure = math.hypot(_NOISE_UNSURE * noise, _ABOVE_UNSURE * above) / (2.0 * whole)
+        value, std = whole, math.hypot(std * whole / value, unsure)
     return {of.name: (value, std)}
 
 

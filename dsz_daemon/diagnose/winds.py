@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, sharp_k
 
 # A wind changes over seconds; what is quicker is mostly the accelerometer's noise. A push would bring it into the yaw
 # rate, and would be told to stand less far ahead, and to be stronger, for that.
-_GUSTS = sharp_kernel(0.8)
+GUSTS = sharp_kernel(0.8)
 # The most rounds of a wind that is felt, and of one that was felt for other parameters or of which its place is asked;
 # they end where one adds so little to what there is (power).
 ROUNDS, AGAIN, _LITTLE = 6, 2, 1e-3
@@ -51,7 +51,7 @@ def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> 
 
     left_mps2, before = left_by(road)
     for _ in range(rounds):
-        more_n = filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), _GUSTS)
+        more_n = filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), GUSTS)
         more = road._replace(side_n=road.side_n + more_n)
         left, after = left_by(more)
         # Where tyres answer late, a round may take away more than there was.
@@ -67,7 +67,7 @@ def of_noise_n(drive: Drive, x: Floats, road: Profiles) -> Floats:
     """As what wind (n,) the accelerometer's noise alone, drawn once, is felt: slow noise pushes as slow winds do."""
     noise = filtered(np.random.default_rng(0).normal(size=len(drive.steer)), filter_kernel())
     noise *= float(np.nan_to_num(noises(drive))[_ACROSS]) / max(float(np.std(noise)), 1e-12)
-    return filtered(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), _GUSTS)
+    return filtered(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), GUSTS)
 
 
 @compiled
@@ -109,7 +109,7 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
     rolling = np.flatnonzero(moving.v_mps > motion.ROLLING_MPS)[::_EVERY_ROWS]
     if len(rolling) < _ENOUGH:
         return False
-    courses = [filtered(moving.moved[:, c], _GUSTS) for c in (motion.AY, motion.R)]
+    courses = [filtered(moving.moved[:, c], GUSTS) for c in (motion.AY, motion.R)]
 
     def before(late_s: float) -> list[Floats]:
         return [course[np.maximum(rolling - round(late_s / DT_S), 0)] for course in courses]
