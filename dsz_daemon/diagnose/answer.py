@@ -43,6 +43,8 @@ _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 _STIFFNESS_SHARE = 0.05
 # One number at least has to be off zero by so many of its spreads, or all of them together have to gain much.
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
+# Of what gains that much parameters may hide each other; but one that is nothing as likely as not is no number.
+_OF_WHAT_IS_SURE = 0.5
 # Counted in sealed trials (`dsz prove`, seeds 2031 and 2032): how often a cause was true by what it gained.
 _EVEN_ODDS_GAIN = 10.0
 # The rms of a wind that is one: less is no more than a crosswind that changes by 0.3 m/s on a motorway, and any small
@@ -175,7 +177,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
     named = [
-        abs(value) >= max(least[name], 0.0 if surely else _LEAST_SPREADS * (std or 0.0))
+        abs(value) >= max(least[name], (_OF_WHAT_IS_SURE if surely else _LEAST_SPREADS) * (std or 0.0))
         for name, (value, std) in judged.items()
         if math.isfinite(least.get(name, math.inf))
     ]

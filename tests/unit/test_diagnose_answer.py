@@ -202,7 +202,7 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize(
     ("gain", "std", "is_named"),
-    [(30.0, 0.004, True), (30.0, 0.02, False), (300.0, 0.02, True), (19.0, 0.004, False)],
+    [(30.0, 0.004, True), (30.0, 0.02, False), (300.0, 0.02, True), (300.0, 0.07, False), (19.0, 0.004, False)],
 )
 def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     monkeypatch: pytest.MonkeyPatch, gain: float, std: float, is_named: bool

@@ -1,4 +1,4 @@
-"""diagnose: readings that clip stand at their limit; what goes up and down where it would be beyond is something else."""
+"""diagnose: readings that clip stand at their limit; what goes to and fro there is something else."""
 
 from __future__ import annotations
 
