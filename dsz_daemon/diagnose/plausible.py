@@ -112,8 +112,10 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
 
 def wheels_differ(drive: Drive, fit: Fit, effect: str) -> bool:
     """Whether this is an effect of wheels, and surely not the same one of two of them."""
+    if effect not in _OF_WHEELS:
+        return False
     there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
-    return effect in _OF_WHEELS and any(are_apart(drive, fit, *pair) for pair in combinations(there, 2))
+    return any(are_apart(drive, fit, *pair) for pair in combinations(there, 2))
 
 
 def weighs_nothing(fit: Fit) -> bool:

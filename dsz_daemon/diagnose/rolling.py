@@ -167,8 +167,8 @@ def _uses(pull_mps2: float, shares: _Shares) -> tuple[float, float]:
 
 def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float]:
     """What the axle that gives the speed slips over what pulls the car, m/s^2, when driven and when braked."""
-    by_brakes = shares._replace(engine_brakes_mps2=0.0)
-    (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, by_brakes), _uses(-1.0, by_brakes)
+    brakes = shares._replace(engine_brakes_mps2=0.0)
+    (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, brakes), _uses(-1.0, brakes)
     driven, braked = (front_driven, front_braked) if by_front else (rear_driven, rear_braked)
     return slip.per_force * driven, -slip.per_force * braked
 
