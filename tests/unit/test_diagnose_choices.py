@@ -637,7 +637,8 @@ def test_no_limit_is_below_what_is_read() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     x = nothing()
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = furthest = float(np.max(np.abs(one.measured[:, 3:5])))
-    fit: Any = SimpleNamespace(x=x, columns=(), effects=("sensor_saturation",))
+    left = np.zeros(rows_of(one).used.shape)
+    fit: Any = SimpleNamespace(x=x, columns=(), effects=("sensor_saturation",), road=flat(N), left=left)
     assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = 0.5 * furthest
     assert is_implausible(one, rows_of(one), fit, "sensor_saturation")

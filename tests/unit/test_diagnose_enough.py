@@ -271,8 +271,9 @@ def test_where_grip_ends_a_sensor_clips_only_where_readings_stand(monkeypatch: p
     one = drive({}, CITY_V, CITY_STEER)
     x = nothing()
     x[INDEX["sensor_saturation.accel_limit_mps2"]] = float(np.max(np.abs(one.measured[:, 3:5])))
-    fit: Any = SimpleNamespace(x=x, columns=(), effects=("sensor_saturation",))
-    beside: Any = SimpleNamespace(x=x, columns=(), effects=(grip, "sensor_saturation"))
+    rest = {"x": x, "columns": (), "road": flat(N), "left": np.zeros(rows_of(one).used.shape)}
+    fit: Any = SimpleNamespace(**rest, effects=("sensor_saturation",))
+    beside: Any = SimpleNamespace(**rest, effects=(grip, "sensor_saturation"))
     assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     assert is_implausible(one, rows_of(one), beside, "sensor_saturation")
     monkeypatch.setattr("dsz_daemon.diagnose.plausible.limits_read_off", lambda *_: {0: []})
