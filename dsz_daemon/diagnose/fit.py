@@ -14,14 +14,7 @@ from dsz_daemon.diagnose.descent import Place, Slope, descended
 from dsz_daemon.diagnose.drawings import told
 from dsz_daemon.diagnose.effect_row import CAR, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
-from dsz_daemon.diagnose.evidence import (
-    Box,
-    Sums,
-    held_out,
-    held_out_kinds,
-    inverse_of_told,
-    sums,
-)
+from dsz_daemon.diagnose.evidence import Box, Sums, held_out, held_out_kinds, inverse_of_told, sums
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, TURNED, as_drawn_rad, untold_turns
@@ -29,6 +22,7 @@ from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, fl
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
 from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.rolling import tells_engine_from_brakes
 from dsz_daemon.diagnose.shape_names import with_shapes
 from dsz_daemon.diagnose.slow_noise import slope_of_slow_noise
 from dsz_daemon.diagnose.smooth_roads import (
@@ -73,9 +67,9 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
-# Of smaller road wheel angles a sine is the angle to a thousandth or two.
+# Of smaller angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
-_SMALL_TURNS, _FLAT_ROADS = INDEX["small_turns"], INDEX["flat_roads"]
+_SMALL_TURNS, _FLAT_ROADS, _ENGINE = (INDEX[n] for n in ("small_turns", "flat_roads", "wheel_slip.engine_brakes_mps2"))
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -206,7 +200,7 @@ def fitted(
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | (set() if TILTS & set(effects) else {_FLAT_ROADS})
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
-    hidden |= told(start)
+    hidden |= told(start) | (set() if tells_engine_from_brakes(drive.wheels) else {_ENGINE})
     first = [i for i in nuisances(tolerance) if i not in hidden]
     # A guessed effect's parameter that nothing was guessed of is not there; but what begins may do so at 0.
     there = {i for i, column in enumerate(words.columns) if start[i] != 0.0 or column in MOMENTS}

@@ -22,6 +22,8 @@ _PULL_KERNEL = filter_kernel(0.07)
 _LEAST_FREE = 0.05
 # Of an axle's load, however hard a car speeds up or brakes.
 _MOST_MOVED = 0.7
+# An engine's drag is told from brakes where a car brakes by more, m/s^2, for so long; else by their shares alone.
+_BRAKES_MPS2, _FOR_S = -1.5, 4.0
 # What a usual car is slowed by: tyres that roll (0.012 of its weight), and the air (over the square of its speed).
 _ROLLS_MPS2, _AIR_PER_M = 0.12, 2.6e-4
 
@@ -132,6 +134,12 @@ def free_of(
     pull_mps2 = filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
     free: tuple[Floats, Floats] = _free(pull_mps2, grade_rad, grip, _shares(car, Slip(0.0, front_brakes_more)))
     return free
+
+
+def tells_engine_from_brakes(wheels_mps: Floats) -> bool:
+    """Whether a car with these wheel speeds (n, 4) brakes harder than engines do."""
+    rate_mps2 = filtered(rate_of(np.ascontiguousarray(np.mean(wheels_mps, axis=1)), DT_S), _PULL_KERNEL)
+    return bool(np.count_nonzero(rate_mps2 < _BRAKES_MPS2) * DT_S > _FOR_S)
 
 
 @compiled

@@ -255,7 +255,7 @@ def test_a_slippery_stretch_is_found_with_its_beginning_and_end() -> None:
 def test_wheels_slip_that_an_engine_brakes() -> None:
     """Brakes that take from there on what they do otherwise leave of a slip without an engine much that is left."""
     slips = {"wheel_slip.slip_per_force": 0.05, "wheel_slip.engine_brakes_mps2": 1.5}
-    search = found(drive(slips, CITY_V, CITY_STEER))
+    search = found(drive(slips, CITY_V + 3.0 * np.sin(0.8 * T), CITY_STEER))
     assert search.best.effects == ("wheel_slip",)
     assert search.best.x[INDEX["wheel_slip.slip_per_force"]] == pytest.approx(0.05, rel=0.05)
     assert search.best.x[INDEX["wheel_slip.engine_brakes_mps2"]] == pytest.approx(1.5, rel=0.25)

@@ -12,14 +12,16 @@ from scipy.signal import firwin, lfilter
 
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import recording as recordings
+from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Motion, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, EFFECTS, INDEX, ROAD, TOLERATED, vocabulary
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
 from dsz_daemon.diagnose.profiles import Felt
 from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
-from dsz_daemon.diagnose.rolling import _unslipped, free_of
+from dsz_daemon.diagnose.rolling import _unslipped, free_of, tells_engine_from_brakes
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -589,3 +591,20 @@ def test_of_two_driven_axles_the_one_that_drives_more_slips_more(more: float) ->
     assert row[6] / SPEEDING.wheels[1500, 0] == pytest.approx(expected, abs=2e-4)
     slowing = drive(60.0 - 2.0 * T)._replace(car=both)
     assert shown(slowing, **parameters)[1500, 6] == shown(slowing, wheel_slip__slip_per_force=0.05)[1500, 6]
+
+
+@pytest.mark.parametrize(("brakes_mps2", "for_s", "tells"), [(2.0, 6.0, True), (2.0, 3.0, False), (1.2, 6.0, False)])
+def test_an_engine_is_told_from_brakes_by_a_car_that_brakes(brakes_mps2: float, for_s: float, tells: bool) -> None:
+    """Longer than for 4 s by more than 1.5 m/s2: of what slows a car else the shares that brakes have say all."""
+    speed = 25.0 - brakes_mps2 * np.clip(T - 5.0, 0.0, for_s)
+    assert tells_engine_from_brakes(np.tile(speed[:, np.newaxis], (1, 4))) is tells
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_what_an_engine_brakes_is_fitted_where_it_is_told(monkeypatch: pytest.MonkeyPatch, tells: bool) -> None:
+    monkeypatch.setattr("dsz_daemon.diagnose.fit.tells_engine_from_brakes", lambda _: tells)
+    one = drive(15.0 + 3.0 * np.sin(0.5 * T))
+    x = nothing()
+    x[INDEX["wheel_slip.slip_per_force"]] = 0.03
+    found = fitted(one, rows_of(one), x, ("wheel_slip",), {})
+    assert (INDEX["wheel_slip.engine_brakes_mps2"] in found.columns) is tells
