@@ -270,6 +270,28 @@ def test_wheels_that_differ_by_what_is_worth_a_name_have_one(
     assert (answer._cause(search, "wheel_radius") is not None) is is_named
 
 
+@pytest.mark.parametrize(("flat_roads", "is_said"), [(0.0, False), (0.5, False), (0.95, True)])
+def test_of_a_climb_that_lifts_no_car_it_is_said(
+    monkeypatch: pytest.MonkeyPatch, flat_roads: float, is_said: bool
+) -> None:
+    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_rad": (0.02, 0.001)})
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "told_from", lambda *_: 20.0)
+    monkeypatch.setattr(answer, "unfelt_roads", lambda _: set())
+    x = nothing()
+    x[INDEX["flat_roads"]] = flat_roads
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=SimpleNamespace(x=x, effects=("road_grade",)),
+        gains={"road_grade": 500.0},
+        elsewhere={"road_grade": {}},
+    )
+    cause = answer._cause(search, "road_grade")
+    assert cause is not None
+    assert ("accel_z shows nothing" in cause.statement) is is_said
+
+
 # Of 62 000 N/rad a tyre 1e-4 rad are 12.4 N.
 @pytest.mark.parametrize(
     ("rms_n", "rounding_rad", "is_named"),

@@ -23,14 +23,14 @@ def gusts(corner_hz: float, steep: float, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("corner_hz", [0.1, 0.3])
-def test_of_turbulence_what_the_low_pass_takes_comes_back(corner_hz: float, seed: int) -> None:
-    """As much as the same wind has lost behind it, to a third: where it begins to fall it does so more slowly."""
+@pytest.mark.parametrize(("corner_hz", "off"), [(0.1, 0.15), (0.3, 0.25)])
+def test_of_turbulence_what_the_low_pass_takes_comes_back(corner_hz: float, off: float, seed: int) -> None:
+    """As much as the same wind has lost behind it, but for less where it has hardly begun to fall."""
     wind = gusts(corner_hz, 1.0, seed)
     told = filtered(wind, GUSTS)
     lost = np.mean(wind**2) - np.mean(told**2)
     assert lost > 0.04 * 300.0**2
-    assert power_above_n2(told, NONE, GUSTS) == pytest.approx(lost, rel=0.4)
+    assert power_above_n2(told, NONE, GUSTS) == pytest.approx(lost, rel=off)
 
 
 def test_a_wind_that_has_no_quick_gusts_gets_none() -> None:

@@ -83,8 +83,9 @@ def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) ->
         (0.005 * np.gradient(CITY_V, T), False),
         (0.02 * np.tanh((T - 60.0) / 5.0), False),
         (0.02 * np.exp(-(((T - 60.0) / 6.0) ** 2)), False),
+        (0.02 * np.exp(-(((T - 31.0) / 2.5) ** 2)), False),
     ],
-    ids=["hills", "as fast", "as it speeds up", "once", "a hump"],
+    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one"],
 )
 def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray, is_a_road: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)
