@@ -261,6 +261,17 @@ def test_wheels_slip_that_an_engine_brakes() -> None:
     assert search.best.x[INDEX["wheel_slip.engine_brakes_mps2"]] == pytest.approx(1.5, rel=0.25)
 
 
+def test_slip_is_fitted_from_wheels_that_slip_a_little() -> None:
+    """Of those that do not nothing tells how brakes share it, and what an engine has of them."""
+    one = drive({}, CITY_V, CITY_STEER)
+    best = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    starts = dict(starts_of(one, rows_of(one), best, ["wheel_slip", "gyro_scale"]))
+    changed = starts["wheel_slip",] - best.x
+    assert np.flatnonzero(changed).tolist() == [INDEX["wheel_slip.slip_per_force"]]
+    assert np.max(changed) > 0.0
+    assert np.array_equal(starts["gyro_scale",], best.x)
+
+
 def test_a_stretch_may_begin_with_the_recording() -> None:
     """Where it begins is a number, though it is 0 at first."""
     ice = {"low_friction.inverse_square": 0.4**-2, "low_friction.start_s": 0.0, "low_friction.end_s": 40.0}

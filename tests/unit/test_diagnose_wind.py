@@ -328,6 +328,27 @@ def test_the_noise_of_an_accelerometer_is_in_no_winds_rms(share: float) -> None:
     assert std < (0.15 if share > 0.3 else 4.0) * true_n
 
 
+def test_a_winds_rms_has_what_is_too_quick_to_be_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 3, 4 and 5 the last; of its power above half is not sure."""
+    one, x = blown_on(0.3)
+    rows = rows_of(one)
+    fit = fitted(one, rows, x, ("side_wind",), {}, felt=Felt(one, x, ("side_wind",)))
+
+    def told(above_n2: float) -> tuple[float, float]:
+        monkeypatch.setattr(told_roads, "power_above_n2", lambda *_: above_n2)
+        found = told_roads.rms_told(one, rows, fit, "side_wind")
+        assert found is not None
+        value, std = found["rms_n"]
+        assert std is not None
+        return value, std
+
+    value, std = told(0.0)
+    above = (4.0 / 3.0 * value) ** 2
+    more, unsure = told(above)
+    assert more == pytest.approx(5.0 / 3.0 * value)
+    assert unsure == pytest.approx(np.hypot(5.0 / 3.0 * std, 0.5 * above / (2.0 * more)), rel=0.02)
+
+
 @pytest.mark.parametrize("at_once", [True, False])
 def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wind is judged by the yaw rate, of which a scale leaves as much as a wind does: alone neither helps."""
