@@ -56,9 +56,9 @@ _BEYOND_STEPS = 3.0
 _UNTOLD_FACTOR = 0.005
 # Values with their spreads, None where there is none.
 Told = dict[str, tuple[float, float | None]]
-# Of roads without their gyros.
 # So much of how a car follows its road is not in its recording.
 _LIFTS_NOTHING = 0.7
+# Of roads without their gyros.
 _UNFELT = {"road_bank": "how the car yaws on it", "road_grade": "the accelerometer, as a function of place"}
 # Of a moment: so uncertain that no spread is stated.
 _NEVER_S = 100.0

@@ -67,7 +67,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 # A road that tilts turns a car about the way under its tyres, the simulation about its C.G.: as if the IMU stood higher
 # by so much. Whether whoever drew the car has its C.G. stand above the way nobody has said.
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
-# Of smaller angles a sine is the angle to a thousandth or two.
+# Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
 _SMALL_TURNS, _FLAT_ROADS, _ENGINE = (INDEX[n] for n in ("small_turns", "flat_roads", "wheel_slip.engine_brakes_mps2"))
 # Where it pushes is no course over time.

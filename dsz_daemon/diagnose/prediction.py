@@ -67,7 +67,6 @@ _CLOCK, _LATER = INDEX["imu_clock.late_s"], INDEX["imu_clock.per_s"]
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
-_SLIP = ("slip_per_force", *Slip._fields[1:])
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -275,7 +274,7 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     own = slice(0, 2) if drive.front_gives_speed else slice(2, 4)
     wheels = as_they_roll(drive.wheels, x)
     rolled_mps = earlier(wheels[:, own] @ (0.5 * radii[own]), at("wheel_speed_delay.delay_s"))
-    slip = Slip(*(at(f"wheel_slip.{name}") for name in _SLIP))
+    slip = Slip(*(at(f"wheel_slip.{name}") for name in Slip._fields))
     ellipse = max(at("tyre_saturation.ellipse"), at("low_friction.ellipse")) * road.grip
     aside = at("drive_steer"), at("brake_steer"), at("steers_by_force")
     by_front, front = drive.front_gives_speed, (at("small_wheels"), at("unturned_wheels"))

@@ -54,7 +54,7 @@ class Slip(NamedTuple):
     counts for the load that goes from axle to axle as the speed changes.
     """
 
-    per_force: float
+    slip_per_force: float
     front_brakes_more: float = 0.0
     resistance: float = 0.0
     spun_share: float = 0.0
@@ -101,7 +101,7 @@ def rolling(
     if by_front:
         v = rolled_mps * _of_the_front(car, steer_rad, rolled_mps, *wheels)
     front_slip, rear_slip, before = np.zeros(len(v)), np.zeros(len(v)), v
-    if slip.per_force != 0.0:
+    if slip.slip_per_force != 0.0:
         against_mps2 = G * grade_rad + slip.resistance * (_ROLLS_MPS2 + _AIR_PER_M * v * v)
         driven, braked = _per_pull(slip, shares, by_front)
         lightens = _lightens(car, shares, v, slip.ahead_load_m)[0 if by_front else 1]
@@ -109,7 +109,7 @@ def rolling(
         if driven < 0.0:
             pull_mps2 = np.maximum(rate_of(v, DT_S) + against_mps2, -shares.engine_brakes_mps2)
             v = v * (1.0 - driven * lightens * pull_mps2)
-        front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.per_force, shares)
+        front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.slip_per_force, shares)
         front_lightens, rear_lightens = _lightens(car, shares, v, slip.ahead_load_m)
         front_slip, rear_slip = front_slip * front_lightens, rear_slip * rear_lightens
     kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
@@ -178,7 +178,7 @@ def _per_pull(slip: Slip, shares: _Shares, by_front: bool) -> tuple[float, float
     brakes = shares._replace(engine_brakes_mps2=0.0)
     (front_driven, rear_driven), (front_braked, rear_braked) = _uses(1.0, brakes), _uses(-1.0, brakes)
     driven, braked = (front_driven, front_braked) if by_front else (rear_driven, rear_braked)
-    return slip.per_force * driven, -slip.per_force * braked
+    return slip.slip_per_force * driven, -slip.slip_per_force * braked
 
 
 def _lightens(car: Car, shares: _Shares, v_mps: Floats, height_m: float) -> tuple[Floats, Floats]:
