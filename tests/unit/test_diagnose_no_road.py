@@ -71,6 +71,8 @@ def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) ->
     one = tilted("road_grade", of_the_car)
     rows, fit = rows_of(one), as_drawn(one, "road_grade")
     assert fit.x[FLAT_ROADS] == pytest.approx(1.0 - of_the_car, abs=0.05)
+    assert FLAT_ROADS in fit.columns
+    assert FLAT_ROADS not in fitted(one, rows, nothing(), (), TOLERANCE).columns
     assert tips_only_what_stands_on_it(one, rows, fit, "road_grade") is (of_the_car == 0.0)
     assert not is_implausible(one, rows, fit, "road_grade")
 

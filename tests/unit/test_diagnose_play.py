@@ -71,3 +71,13 @@ def test_a_recorded_hand_that_trembles_turns_a_car_with_play_by_what_is_dragged(
     assert turning > 0.05
     assert np.std(with_play - by_its_wheels) < 1e-3 * turning
     assert np.std(car_of(steering) - by_its_wheels) > 0.1 * turning
+
+
+def test_play_goes_on_where_a_steering_is_missing_for_a_moment() -> None:
+    at_ns = (T * 1e9).astype(np.int64) + 1
+    signals = {name: Signal(at_ns, np.full(len(T), 20.0)) for name in (*WHEEL_SPEEDS, "gyro_z")}
+    there = (T < 4.0) | (T > 4.5)
+    signals["road_wheel_angle"] = Signal(at_ns[there], WANDERS[there])
+    drive, x = drive_of(recorded(signals, 1.0), TUCSON, 1.0), nothing()
+    x[INDEX["steering_backlash.width_rad"]] = 0.01
+    assert np.isfinite(predicted(drive, x, flat(len(drive.steer)))[:, YAW]).all()

@@ -131,6 +131,13 @@ def test_what_stood_is_left_out_with_what_a_car_remembers() -> None:
     assert gone[again - 25 : end + 95].all()
     assert not gone[begin - 35]
     assert not gone[end + 105]
+    # What goes through a play before the low-pass is no better known.
+    for told_rad in (None, 1.1 * HAND / RATIO):
+        before = without_it(recording._replace(told_rad=told_rad), stop, 0)[0].told_rad
+        assert before is not None
+        assert np.array_equal(np.isnan(before), gone)
+        expected = HAND / RATIO if told_rad is None else told_rad
+        assert np.array_equal(before[~gone], expected[~gone])
 
 
 def test_too_little_beside_it_tells_nothing() -> None:
