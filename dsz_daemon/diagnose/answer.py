@@ -22,6 +22,7 @@ from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.in_part import explains_a_part
 from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of, verdict
+from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
@@ -71,8 +72,9 @@ _OVER_CONFIGURED = {("wheel_radius", wheel) for wheel in ("fl", "fr", "rl", "rr"
     ("track_width", "rear"),
 }
 # What is configured, by the effect that it is where it is off by more than its tolerance.
+_TYRES = "cornering_stiffness"
 _BEYOND = {
-    "cornering_stiffness": {f"{axle}_cornering_stiffness_n_per_rad": f"{axle}_scale" for axle in ("front", "rear")},
+    _TYRES: {f"{axle}_cornering_stiffness_n_per_rad": f"{axle}_scale" for axle in ("front", "rear")},
     "track_width": {f"{axle}_track_m": axle for axle in ("front", "rear")},
     "yaw_inertia": {"yaw_inertia_kgm2": "share"},
 }
@@ -100,6 +102,9 @@ def answered(
         no_names |= {e for e in found.best.effects if not is_shape(e) and explains_a_part(*of_all, e, unexplained)}
     # What is given no name has no numbers, but for what is a number of the car and never had one.
     withheld = {key for effect in no_names - {"yaw_inertia"} for key in _BEYOND.get(effect, ())}
+    # Within their tolerance tyres make up for how what turns a car without a name is drawn.
+    if _TYRES not in found.best.effects and any(map(is_of_the_car, sure)):
+        withheld |= set(_BEYOND[_TYRES])
     errors = [error for error in parameter_errors(found, each) if error.parameter not in withheld]
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     doubts = (doubt_of(found, effect, unexplained) for effect in named)
@@ -176,11 +181,10 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     surely = found.gains[effect] > _SURE and not is_beside
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
-    named = [
-        abs(value) >= max(least[name], (_OF_WHAT_IS_SURE if surely else _LEAST_SPREADS) * (std or 0.0))
-        for name, (value, std) in judged.items()
-        if math.isfinite(least.get(name, math.inf))
-    ]
+    # A tolerance leaves open how much is on board, not whether something is.
+    spreads = 0.0 if effect == LOAD else _OF_WHAT_IS_SURE if surely else _LEAST_SPREADS
+    judged = {name: told for name, told in judged.items() if math.isfinite(least.get(name, math.inf))}
+    named = [abs(value) >= max(least[name], spreads * (std or 0.0)) for name, (value, std) in judged.items()]
     # What wheels have in common may be the scale of something else: their differences count, too.
     is_much = not named or any(named) or wheels_differ(found.drive, found.best, effect)
     if not is_much or found.gains[effect] < left * told_from(found.drive, found.best, effect):

@@ -39,6 +39,8 @@ BLOCK_S = 5.0
 FOLDS = 5
 # Slip angles divide by speed: slow driving is left out, and as long after it as a transient lasts.
 SLOW_MPS, GUARD_S = 3.0, 1.0
+# Wheels are said to stand before the car does: sensors count teeth, and a body rocks on its springs for a while.
+_SETTLED_S = 2.0
 STILL_MPS = 0.05
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
 FORM = 0.003
@@ -92,12 +94,11 @@ def rows_of(drive: Drive) -> Rows:
     """Driving rows count in all channels, standing ones for what the IMU shows at rest."""
     n = len(drive.steer)
     speed = np.nanmean(np.where(np.isfinite(drive.wheels), drive.wheels, 0.0), axis=1)
-    guard = round(GUARD_S / DT_S)
+    guard, settled = round(GUARD_S / DT_S), round(_SETTLED_S / DT_S)
     slow = (speed < SLOW_MPS).astype(np.float64)
     near = np.convolve(slow, np.ones(2 * guard + 1), mode="same") > 0.5
-    standing = (
-        np.convolve((np.max(drive.wheels, axis=1) > STILL_MPS).astype(float), np.ones(2 * guard + 1), "same") < 0.5
-    )
+    turning = (np.max(drive.wheels, axis=1) > STILL_MPS).astype(np.float64)
+    standing = np.convolve(turning, np.ones(settled + guard + 1))[guard : guard + n] < 0.5
     # Beyond the ends nothing is known: what the filters make of that is not compared.
     at = np.arange(guard, n - guard, EVERY, dtype=np.int64)
     measured = drive.measured[at]

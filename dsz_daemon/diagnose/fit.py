@@ -16,7 +16,7 @@ from dsz_daemon.diagnose.effect_row import CAR, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.evidence import Box, Sums, held_out, held_out_kinds, inverse_of_told, sums
 from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
-from dsz_daemon.diagnose.loads import LOAD
+from dsz_daemon.diagnose.loads import LOAD, between_ends
 from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, TURNED, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
 from dsz_daemon.diagnose.profiles import Felt
@@ -102,7 +102,8 @@ class Fit(NamedTuple):
     `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
     `along`: of a grade that no gyro feels (b,), on unseen blocks, and how many rows of it count as one.
-    `is_exact`: judged by the slopes of its end, not of where it came from.
+    `is_exact`: judged by the slopes of its end, not of where it came from. `between` (p,): values and spreads beside
+    a load, by where tolerances end.
     """
 
     x: Floats
@@ -121,6 +122,7 @@ class Fit(NamedTuple):
     covariance: Floats
     along: tuple[Floats, float] | None = None
     is_exact: bool = True
+    between: tuple[Floats, Floats] | None = None
 
 
 class Slopes(NamedTuple):
@@ -323,11 +325,15 @@ def _judged(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here: Plac
     for i in limits_read_off(drive, x) if "sensor_saturation" in effects else ():
         # Readings tell it to the last digit, but for what the filter makes of short tops.
         std[columns.index(i)] = OF_ITSELF * x[i]
-    road, felt = here.road, here.felt
-    along = felt.unseen_along(x, rows)
-    return Fit(
-        x, std, effects, left, scatter, per_row, found, columns, unseen, road, form, together, felt, covariance, along
-    )
+    known = (x, std, effects, left, scatter, per_row, found, columns, unseen, here.road, form, together, here.felt)
+    fit = Fit(*known, covariance, here.felt.unseen_along(x, rows))
+    if LOAD not in effects:
+        return fit
+    ends = {columns.index(_TURNS): (0.0, words.columns[_TURNS][1].high)}
+    names = [words.columns[i][1].name for i in columns]
+    ends |= {at: (-tolerance[name], tolerance[name]) for at, name in enumerate(names) if tolerance.get(name)}
+    values, spreads = between_ends(x[list(columns)], covariance, ends)
+    return fit._replace(between=(values, np.hypot(spreads, OF_ITSELF * values)))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -386,9 +392,7 @@ def _covariance(
 
 def values_of(drive: Drive, fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
     """(value, spread) of each parameter of an effect."""
-    place = {column: i for i, column in enumerate(fit.columns)}
-    return {
-        drive.vocabulary.columns[i][1].name: (float(fit.x[i]), float(fit.std[place[i]]))
-        for i in (drive.vocabulary.columns_of(effect) if effect else NUISANCES)
-        if i in place
-    }
+    values, spreads = fit.between if effect == LOAD and fit.between else (fit.x[list(fit.columns)], fit.std)
+    own = drive.vocabulary.columns_of(effect) if effect else NUISANCES
+    there = [(fit.columns.index(i), drive.vocabulary.columns[i][1].name) for i in own if i in fit.columns]
+    return {name: (float(values[place]), float(spreads[place])) for place, name in there}

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import BLOCK_S, Bools, noises
+from dsz_daemon.diagnose.effect_row import SENSORS
 from dsz_daemon.diagnose.evidence import LEAST_GAIN, gain
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, UPRIGHT, Fit
 from dsz_daemon.diagnose.inputs import smoothed_away
@@ -26,6 +27,10 @@ _QUIET = 0.7
 # (seed 2026). The model has not all that a car is. And so many times more for what has no formula: it fits nearly
 # anything.
 TOLD_GAIN, TOLD_PROFILE = 20.0, 2.0
+# Of an instrument that is all that differs half of that: of 290 with nothing left out none has one that gains as much.
+_ALONE = 0.5
+# But what flickers drifts a little, too.
+_WANDERING = frozenset({"bias_drift"})
 # But one whose rest hangs together, and hardly does (in rows, of which white noise has 5) with the larger model.
 _HUNG, _WHITE_ROWS = 2.0, 10.0
 # A channel that was off by so many times what noise and form leave, and is by so much less, is put right.
@@ -94,11 +99,14 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
 def told_from(drive: Drive, fit: Fit, effect: str) -> float:
     """From which gain on an effect is told.
 
+    An instrument that alone is wrong is asked half: what gains little beside others mostly takes what these leave.
     A grade that no gyro feels is asked no more than others where nothing else is left that is wrong: what has 5 s of
     road to tell the next 5 s by says little for certain, however far off a level road is.
     """
     if effect not in OWN_CHANNEL:
-        return TOLD_GAIN
+        is_alone = fit.effects == (effect,) and drive.vocabulary.described(effect).touches == SENSORS
+        is_alone &= effect not in _WANDERING
+        return TOLD_GAIN * (_ALONE if is_alone else 1.0)
     if effect == "road_grade" and climbs_unfelt(drive) and not np.delete(far_off(drive, fit), ALONG).any():
         return TOLD_GAIN
     return TOLD_PROFILE * TOLD_GAIN

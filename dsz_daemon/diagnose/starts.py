@@ -10,6 +10,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import OWN_CHANNEL, SAME_TURN, Fit
+from dsz_daemon.diagnose.gains import far_off
 from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.instruments import drifted_s
 from dsz_daemon.diagnose.loads import LOAD
@@ -33,6 +34,7 @@ _SOME_LOAD, _OF_A_LOAD = 0.05, (INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.t
 
 # Wheels that slip a little: of others nothing tells how brakes, drive and what resists share what slips.
 _SLIP, _SOME_SLIP = "wheel_slip", 0.02
+_WHEELS = slice(6, 8)
 
 # A sensor that warms up does so within half a minute to some minutes.
 _FADES_PER_S = (-0.01, 0.008, 0.015, 0.03, 0.06)
@@ -63,10 +65,12 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
         turning = best.x.copy()
         turning[list(_OF_A_LOAD)] = _SOME_LOAD * drive.car.mass_kg, 1.0
         starts.append(((LOAD,), turning))
-    if _SLIP in names[:_TRIED]:
+    # What a car rolls at is behind its wheels by a low-pass: by one linear step slip jumps where its force does.
+    are_off = _SLIP not in best.effects and bool(far_off(drive, best)[_WHEELS].any())
+    if _SLIP in names[:_TRIED] or are_off:
         slipping = best.x.copy()
         slipping[INDEX[f"{_SLIP}.slip_per_force"]] = _SOME_SLIP
-        starts = [(new, slipping if new == (_SLIP,) else x) for new, x in starts]
+        starts = [*(start for start in starts if start[0] != (_SLIP,)), ((_SLIP,), slipping)]
     found = guesses(drive, rows, best, each)
     guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
     known = {effects for effects, _ in guessed}

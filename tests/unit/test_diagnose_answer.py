@@ -11,6 +11,7 @@ import pytest
 
 from dsz_daemon.diagnose import aliases, answer, level, told_roads
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
+from dsz_daemon.diagnose.gains import told_from
 from dsz_daemon.diagnose.prediction import flat, nothing
 from dsz_daemon.diagnose.said import Value
 from dsz_daemon.diagnose.trials import Step
@@ -497,3 +498,46 @@ def test_a_mount_that_an_offset_takes_back_is_none(
         elsewhere={"imu_misalignment": {}},
     )
     assert (answer._cause(search, "imu_misalignment") is not None) is is_named
+
+
+@pytest.mark.parametrize(
+    ("gain", "added_kg", "moved_m", "is_named"),
+    [(30.0, 100.0, 0.01, True), (30.0, 10.0, 0.04, True), (30.0, 20.0, 0.02, False), (19.0, 100.0, 0.1, False)],
+)
+def test_a_load_is_named_by_what_it_gains_however_much_it_is(
+    monkeypatch: pytest.MonkeyPatch, gain: float, added_kg: float, moved_m: float, is_named: bool
+) -> None:
+    """Of 100 +- 400 kg it is certain that there are some, if nothing within the tolerances does as much."""
+    values = {"added_mass_kg": (added_kg, 400.0), "cg_shift_m": (moved_m, 0.5)}
+    monkeypatch.setattr(answer, "_values", lambda *_: values)
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=NOTHING,
+        gains={"mass_loading": gain},
+        elsewhere={"mass_loading": {}},
+    )
+    assert (answer._cause(search, "mass_loading") is not None) is is_named
+
+
+@pytest.mark.parametrize(
+    ("effects", "effect", "asked"),
+    [
+        (("gyro_scale",), "gyro_scale", 10.0),
+        (("gyro_scale", "imu_lever_arm"), "gyro_scale", 20.0),
+        (("gyro_scale", "gyro_z: k*vx"), "gyro_scale", 20.0),
+        # What a car or its wheels do is no instrument; and what flickers drifts a little.
+        (("tyre_relaxation",), "tyre_relaxation", 20.0),
+        (("wheel_radius",), "wheel_radius", 20.0),
+        (("bias_drift",), "bias_drift", 20.0),
+        (("side_wind",), "side_wind", 40.0),
+    ],
+)
+def test_an_instrument_that_alone_is_wrong_is_told_from_half(
+    effects: tuple[str, ...], effect: str, asked: float
+) -> None:
+    one: Any = SimpleNamespace(vocabulary=BUILT_IN)
+    best: Any = SimpleNamespace(effects=effects)
+    assert told_from(one, best, effect) == asked

@@ -21,6 +21,7 @@ from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
 from dsz_daemon.diagnose.fit import _covariance, fitted
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.prediction import Drive, nothing
+from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.screening import screened
 
 
@@ -185,3 +186,16 @@ def test_a_step_is_that_of_least_squares_inside_its_box(room: float) -> None:
     other = lsq_linear(table, goal, (box.low, box.high), method="trf", tol=1e-12)
     np.testing.assert_allclose(step, other.x, atol=1e-5)
     assert (room == 100.0) == bool(((step > box.low + 1e-6) & (step < box.high - 1e-6)).all())
+
+
+def test_a_car_stands_some_time_after_its_wheels_do() -> None:
+    """They count teeth, and a body rocks: for 2 s after the wheels have stopped, and 1 s before they start, no row."""
+    v = np.where((T > 20.0) & (T < 30.0), 0.0, CITY_V + 5.0)
+    rows = rows_of(drive({}, v, 0.0 * CITY_STEER))
+    at_s = DT_S * rows.at
+    standing = at_s[rows.used[:, 3] & (at_s > 15.0) & (at_s < 35.0)]
+    standing = standing[(standing > 19.0) & (standing < 31.0)]
+    assert standing.min() == pytest.approx(22.0, abs=0.06)
+    assert standing.max() == pytest.approx(29.0, abs=0.06)
+    # What the IMU shows at rest, and not what wheels do.
+    assert not rows.used[(at_s > 19.5) & (at_s < 30.5), 6:].any()

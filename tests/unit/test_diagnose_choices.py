@@ -270,6 +270,22 @@ def test_slip_is_fitted_from_wheels_that_slip_a_little() -> None:
     assert np.flatnonzero(changed).tolist() == [INDEX["wheel_slip.slip_per_force"]]
     assert np.max(changed) > 0.0
     assert np.array_equal(starts["gyro_scale",], best.x)
+    assert ("wheel_slip",) not in dict(starts_of(one, rows_of(one), best, ["gyro_scale"]))
+
+
+@pytest.mark.parametrize("axle", [0, 1])
+def test_wheels_that_are_far_off_may_slip_whatever_one_linear_step_says(
+    monkeypatch: pytest.MonkeyPatch, axle: int
+) -> None:
+    """Beside a climb a slip's slope has the force's jumps in it, which the slip itself has not."""
+    one = drive({}, CITY_V, CITY_STEER)
+    best = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.far_off", lambda *_: np.arange(13) == 6 + axle)
+    assert ("wheel_slip",) in dict(starts_of(one, rows_of(one), best, ["gyro_scale"]))
+    slips = best._replace(effects=("wheel_slip",))
+    assert ("wheel_slip",) not in dict(starts_of(one, rows_of(one), slips, ["gyro_scale"]))
+    monkeypatch.setattr("dsz_daemon.diagnose.starts.far_off", lambda *_: np.arange(13) == 5)
+    assert ("wheel_slip",) not in dict(starts_of(one, rows_of(one), best, ["gyro_scale"]))
 
 
 def test_a_stretch_may_begin_with_the_recording() -> None:

@@ -103,3 +103,20 @@ def test_what_is_given_no_name_has_no_numbers(monkeypatch: pytest.MonkeyPatch) -
     assert [cause.effect for cause in answered(search).causes] == ["cornering_stiffness"]
     monkeypatch.setattr(answer, "not_named", lambda *_: {"cornering_stiffness"})
     assert (answered(search).causes, answered(search).parameter_errors) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("shape", "gain", "there"),
+    [("steering: k*ay*|ay|", 100.0, False), ("steering: k*ay*|ay|", 15.0, True), ("gyro_z: k*ay", 100.0, True)],
+)
+def test_within_their_tolerance_tyres_have_no_numbers_beside_what_turns_a_car_without_a_name(
+    monkeypatch: pytest.MonkeyPatch, shape: str, gain: float, there: bool
+) -> None:
+    """They make up for how that is drawn; beside a sensor, or what is not said, they are what they are."""
+    key = "front_cornering_stiffness_n_per_rad"
+    search = found(drive({key: -0.08}, CITY_V, CITY_STEER))
+    assert [error.parameter for error in answered(search).parameter_errors] == [key]
+    monkeypatch.setattr(answer, "unlisted", lambda *_: [])
+    monkeypatch.setattr(answer, "shapes_of_all", lambda *_: [])
+    told = answered(search._replace(gains={**search.gains, shape: gain}))
+    assert [error.parameter for error in told.parameter_errors] == ([key] if there else [])

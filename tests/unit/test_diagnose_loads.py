@@ -10,9 +10,9 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
+from dsz_daemon.diagnose.fit import Fit, fitted, values_of
 from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
+from dsz_daemon.diagnose.loads import between_ends, inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.plausible import is_told
 from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S
@@ -142,3 +142,37 @@ def test_the_imu_stays_where_it_was_when_a_load_moves_the_cg() -> None:
     at_the_cg = moving.moved[:, motion.AY]
     np.testing.assert_allclose(shown[inside], (at_the_cg - 0.3 * np.gradient(r, DT_S))[inside], atol=2e-3)
     assert float(np.max(np.abs(0.3 * np.gradient(r, DT_S))[inside])) > 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_lies_between_two_ends_is_as_sure_as_that(seed: int) -> None:
+    """As information that is added up: a precision matrix with one over the variance of what is even between ends."""
+    rng = np.random.default_rng(seed)
+    root, x = rng.standard_normal((4, 4)), rng.standard_normal(4)
+    covariance = root @ root.T + 0.1 * np.eye(4)
+    ends = {1: (-0.3, 0.3), 3: (0.0, 1.3)}
+    prior, middle = np.zeros(4), np.zeros(4)
+    for place, (low, high) in ends.items():
+        prior[place], middle[place] = 12.0 / (high - low) ** 2, 0.5 * (low + high)
+    information = np.linalg.inv(covariance)
+    whole = np.linalg.inv(information + np.diag(prior))
+    values, spreads = between_ends(x, covariance, ends)
+    assert values == pytest.approx(whole @ (information @ x + prior * middle))
+    assert spreads == pytest.approx(np.sqrt(np.diag(whole)))
+    # Nothing is known besides: all is as it was.
+    values, spreads = between_ends(x, covariance, {})
+    assert (values, spreads) == (pytest.approx(x), pytest.approx(np.sqrt(np.diag(covariance))))
+
+
+def test_how_much_is_on_board_is_told_by_what_tyres_may_be() -> None:
+    """Without a turn of its own a load is what tyres within their tolerance are: between both the middle is told."""
+    moved_m = two_masses_kgm2(ADDED_KG, -1.2)[1]
+    one = drive({"mass_loading.added_mass_kg": ADDED_KG, "mass_loading.cg_shift_m": moved_m}, CITY_V, CITY_STEER)
+    fit = fit_of(one, "mass_loading")
+    told = values_of(one, fit, "mass_loading")
+    for name, column, truth in (("added_mass_kg", ADDED, ADDED_KG), ("cg_shift_m", SHIFT, moved_m)):
+        value, std = told[name]
+        assert std < fit.std[fit.columns.index(column)]
+        assert value == pytest.approx(truth, abs=1.96 * std)
+    # Other effects are told as they are fitted.
+    assert fit_of(one, "cornering_stiffness").between is None

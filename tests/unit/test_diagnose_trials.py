@@ -95,3 +95,35 @@ def test_of_two_starts_that_gain_alike_the_one_that_is_told_comes_first(
         Step("gyro_scale", 50.0, "other"),  # type: ignore[arg-type]
     ]
     assert enough_first(none, none, ranked, lambda _: 5.0)[0].fit == first
+
+
+@pytest.mark.parametrize(
+    ("load", "tyres", "compliance", "first"),
+    [
+        (592.0, 575.0, None, "mass_loading"),
+        # So little more is none: a hundredth of what they gain, and no less than what a candidate has to gain.
+        (584.0, 575.0, None, "cornering_stiffness"),
+        (5060.0, 5011.0, None, "cornering_stiffness"),
+        (5062.0, 5011.0, None, "mass_loading"),
+        # Nor is more than of one of them.
+        (592.0, 575.0, 590.0, "cornering_stiffness"),
+        # Alone it has none to be more than.
+        (592.0, None, None, "gyro_scale"),
+    ],
+)
+def test_a_load_that_gains_clearly_more_than_what_turns_a_car_alike_comes_before_it(
+    monkeypatch: pytest.MonkeyPatch, load: float, tyres: float | None, compliance: float | None, first: str
+) -> None:
+    """However little is told of how much it weighs."""
+    monkeypatch.setattr(trials_module, "is_told", lambda _, fit, __: fit != "vague")
+    monkeypatch.setattr(trials_module, "rank_by", lambda *_: lambda step: step.gain)
+    none: Any = None
+    gains = {"mass_loading": load, "cornering_stiffness": tyres, "steering_compliance": compliance, "gyro_scale": 30.0}
+    vague: Any = "vague"
+    ranked = [
+        Step(name, gain, vague if name in {"mass_loading", "steering_compliance"} else none)
+        for name, gain in gains.items()
+        if gain is not None
+    ]
+    ranked.sort(key=lambda step: -step.gain)
+    assert enough_first(none, none, ranked, lambda _: 5.0)[0].effect == first
