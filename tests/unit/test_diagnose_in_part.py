@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.comparison import noises, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.in_part import explains_a_part
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.shown_by import shown_by
 
 QUICK = np.sin(2.0 * np.pi * T / 0.7)
@@ -120,3 +120,13 @@ def test_within_their_tolerance_tyres_have_no_numbers_beside_what_turns_a_car_wi
     monkeypatch.setattr(answer, "shapes_of_all", lambda *_: [])
     told = answered(search._replace(gains={**search.gains, shape: gain}))
     assert [error.parameter for error in told.parameter_errors] == ([key] if there else [])
+
+
+def test_wheel_speeds_that_are_a_few_milliseconds_late_are_a_cause() -> None:
+    """Of 5 ms a drive in town is sure; of what a message takes nothing is said."""
+    assert [cause.effect for cause in answered(found(late_by(0.0055))).causes] == ["wheel_speed_delay"]
+    assert answered(found(late_by(0.003))).causes == []
+
+
+def late_by(delay_s: float) -> Drive:
+    return drive({"wheel_speed_delay.delay_s": delay_s}, CITY_V + 3.0 * np.sin(0.8 * T), CITY_STEER)
