@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Paramet
 from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import on_grid, recorded
+from dsz_daemon.diagnose.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.diagnose.search import Search, searched
 from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
@@ -86,9 +86,11 @@ def diagnose(
     rows = rows_of(drive)
     length_s = driven_s(drive, rows)
     if length_s < _SHORTEST_S:
+        missing = ", ".join(f"{name} {share:.0%}" for name, share in with_gaps(signals).items())
+        why = f"; of the time without samples for more than {LONGEST_GAP_S:g} s: {missing}" if missing else ""
         raise InputError(
             f"{length_s:.1f} s of driving (above {SLOW_MPS:g} m/s, all signals there); "
-            f"expected {_SHORTEST_S:g} s or more to fit and to judge"
+            f"expected {_SHORTEST_S:g} s or more to fit and to judge{why}"
         )
     nominal = predicted(drive, nothing(words), flat(len(drive.steer)))
     used = np.zeros((len(nominal), 6), dtype=np.bool_)

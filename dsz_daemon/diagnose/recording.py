@@ -29,6 +29,8 @@ FILTER_S = 0.06
 ALONG_FILTER_S = 0.15
 # Steering and wheel speeds come every 10 to 50 ms; what is missing for longer is not made up.
 LONGEST_GAP_S = 0.25
+# A signal that is missing for so much of the time is worth a word where a recording is too short.
+_MUCH_MISSING = 0.2
 # Where nothing came for so long, one recording ends and the next begins; so much of nothing is left between the two.
 _PAUSE_S, _BETWEEN_S = 10.0, 2.0
 # What a reference may bring: its columns, each on the log's clock, often once a second.
@@ -153,6 +155,17 @@ def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats, longest_gap_s
     after = np.clip(np.searchsorted(at_s, time_s), 1, len(at_s) - 1)
     values[at_s[after] - at_s[after - 1] > longest_gap_s] = np.nan
     return values
+
+
+def with_gaps(signals: Mapping[str, Signal]) -> dict[str, float]:
+    """Signals that for much of the time are missing, between samples further apart than `LONGEST_GAP_S`: its share."""
+    found = {}
+    for name, signal in signals.items():
+        gaps_s = 1e-9 * np.diff(np.asarray(signal.t_ns, dtype=np.float64))
+        share = float(np.sum(gaps_s[gaps_s > LONGEST_GAP_S])) / max(float(np.sum(gaps_s)), 1e-9)
+        if share > _MUCH_MISSING:
+            found[name] = share
+    return found
 
 
 def filter_kernel(filter_s: float = FILTER_S) -> Floats:

@@ -241,7 +241,18 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     standing = (tmp_path / "recording.log").read_text().splitlines()[:2500]
     (tmp_path / "standing.log").write_text("\n".join(standing) + "\n")
     assert main(["diagnose", str(tmp_path / "standing.log"), *arguments]) == 3
-    assert "0.0 s of driving" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "0.0 s of driving" in told
+    assert "without samples" not in told
+    # A gateway that lets one steering message in thirty through.
+    steered = [line for line in (tmp_path / "recording.log").read_text().splitlines() if " 2B0#" in line]
+    left = set(steered[::30])
+    sparse = [
+        line for line in (tmp_path / "recording.log").read_text().splitlines() if " 2B0#" not in line or line in left
+    ]
+    (tmp_path / "sparse.log").write_text("\n".join(sparse) + "\n")
+    assert main(["diagnose", str(tmp_path / "sparse.log"), *arguments]) == 3
+    assert "without samples for more than 0.25 s: steering_wheel_angle 100%" in capsys.readouterr().err
     (tmp_path / "other.log").write_text("(1.0) can0 7FF#00\n(2.0) can0 7FF#00\n")
     assert main(["diagnose", str(tmp_path / "other.log"), *arguments]) == 3
     assert "none of the mapped messages" in capsys.readouterr().err
