@@ -245,11 +245,9 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "0.0 s of driving" in told
     assert "without samples" not in told
     # A gateway that lets one steering message in thirty through.
-    steered = [line for line in (tmp_path / "recording.log").read_text().splitlines() if " 2B0#" in line]
-    left = set(steered[::30])
-    sparse = [
-        line for line in (tmp_path / "recording.log").read_text().splitlines() if " 2B0#" not in line or line in left
-    ]
+    frames = (tmp_path / "recording.log").read_text().splitlines()
+    left = set([frame for frame in frames if " 2B0#" in frame][::30])
+    sparse = [frame for frame in frames if " 2B0#" not in frame or frame in left]
     (tmp_path / "sparse.log").write_text("\n".join(sparse) + "\n")
     assert main(["diagnose", str(tmp_path / "sparse.log"), *arguments]) == 3
     assert "without samples for more than 0.25 s: steering_wheel_angle 100%" in capsys.readouterr().err
