@@ -22,7 +22,6 @@ from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.in_part import explains_a_part
 from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of, verdict
-from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
@@ -181,8 +180,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     surely = found.gains[effect] > _SURE and not is_beside
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
-    # A tolerance leaves open how much is on board, not whether something is.
-    spreads = 0.0 if effect == LOAD else _OF_WHAT_IS_SURE if surely else _LEAST_SPREADS
+    spreads = _OF_WHAT_IS_SURE if surely else _LEAST_SPREADS
     judged = {name: told for name, told in judged.items() if math.isfinite(least.get(name, math.inf))}
     named = [abs(value) >= max(least[name], spreads * (std or 0.0)) for name, (value, std) in judged.items()]
     # What wheels have in common may be the scale of something else: their differences count, too.

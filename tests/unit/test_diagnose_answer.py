@@ -501,28 +501,6 @@ def test_a_mount_that_an_offset_takes_back_is_none(
 
 
 @pytest.mark.parametrize(
-    ("gain", "added_kg", "moved_m", "is_named"),
-    [(30.0, 100.0, 0.01, True), (30.0, 10.0, 0.04, True), (30.0, 20.0, 0.02, False), (19.0, 100.0, 0.1, False)],
-)
-def test_a_load_is_named_by_what_it_gains_however_much_it_is(
-    monkeypatch: pytest.MonkeyPatch, gain: float, added_kg: float, moved_m: float, is_named: bool
-) -> None:
-    """Of 100 +- 400 kg it is certain that there are some, if nothing within the tolerances does as much."""
-    values = {"added_mass_kg": (added_kg, 400.0), "cg_shift_m": (moved_m, 0.5)}
-    monkeypatch.setattr(answer, "_values", lambda *_: values)
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
-    search: Any = SimpleNamespace(
-        drive=SimpleNamespace(vocabulary=BUILT_IN),
-        best=NOTHING,
-        gains={"mass_loading": gain},
-        elsewhere={"mass_loading": {}},
-    )
-    assert (answer._cause(search, "mass_loading") is not None) is is_named
-
-
-@pytest.mark.parametrize(
     ("effects", "effect", "asked"),
     [
         (("gyro_scale",), "gyro_scale", 10.0),
