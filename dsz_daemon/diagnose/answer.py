@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets
 from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.eccentric import about_the_middle, circle_of
-from dsz_daemon.diagnose.effect_row import CAR
+from dsz_daemon.diagnose.effect_row import CAR, WHEELS
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OF_ITSELF, values_of
@@ -45,6 +45,8 @@ _STIFFNESS_SHARE = 0.05
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 # Of what gains that much parameters may hide each other; but one that is nothing as likely as not is no number.
 _OF_WHAT_IS_SURE = 0.5
+# And what alone surely is there has a name from half of the size, but for wheels, which may all turn by a scale.
+_ALONE = 0.5
 # Counted in sealed trials (`dsz prove`, seeds 2031 and 2032): how often a cause was true by what it gained.
 _EVEN_ODDS_GAIN = 10.0
 # The rms of a wind that is one: less is no more than a crosswind that changes by 0.3 m/s on a motorway, and any small
@@ -172,12 +174,14 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     """
     described = found.drive.vocabulary.described(effect)
     values = _values(found, effect)
-    least = {p.name: p.least for p in described.parameters}
-    if effect == "side_wind":
-        least["rms_n"] = _least_wind_n(found.drive)
     # What came before a car did something that has no name may be that.
     is_beside = described.touches == CAR and any(map(is_of_the_car, found.best.effects))
     surely = found.gains[effect] > _SURE and not is_beside
+    is_alone = found.best.effects == (effect,) and described.touches != WHEELS
+    share = _ALONE if surely and is_alone else 1.0
+    least = {p.name: share * p.least for p in described.parameters}
+    if effect == "side_wind":
+        least["rms_n"] = _least_wind_n(found.drive)
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
     spreads = _OF_WHAT_IS_SURE if surely else _LEAST_SPREADS

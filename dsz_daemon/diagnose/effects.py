@@ -114,7 +114,7 @@ EFFECTS: tuple[Effect, ...] = (
         "The wheel speeds come {delay_s:.3f} s late",
         "reading(t) = v(t - d)",
         CAR,
-        (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.004),),
+        (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.008),),
     ),
     Effect(
         "sensor_bandwidth",

@@ -220,10 +220,13 @@ def without_leaners(
     if not silent or not weak:
         return best
     rest = without(drive, rows, best, tolerance, silent, each)
+    # None of them is alone, though what is not told is out.
+    beside = rest._replace(effects=best.effects)
     leaners = [
         effect
         for effect in weak
-        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest) < told_from(drive, rest, effect)
+        if gained(drive, without(drive, rows, rest, tolerance, (effect,), each), rest)
+        < told_from(drive, beside, effect)
     ]
     return without(drive, rows, best, tolerance, leaners, each) if leaners else best
 

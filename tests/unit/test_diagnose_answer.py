@@ -519,3 +519,29 @@ def test_an_instrument_that_alone_is_wrong_is_told_from_half(
     one: Any = SimpleNamespace(vocabulary=BUILT_IN)
     best: Any = SimpleNamespace(effects=effects)
     assert told_from(one, best, effect) == asked
+
+
+@pytest.mark.parametrize(
+    ("gain", "delay_s", "effects", "is_named"),
+    [
+        (150.0, 0.0045, ("wheel_speed_delay",), True),
+        (150.0, 0.0035, ("wheel_speed_delay",), False),
+        (90.0, 0.0045, ("wheel_speed_delay",), False),
+        (150.0, 0.0045, ("wheel_speed_delay", "gyro_scale"), False),
+        (150.0, 0.0085, ("wheel_speed_delay", "gyro_scale"), True),
+    ],
+)
+def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
+    monkeypatch: pytest.MonkeyPatch, gain: float, delay_s: float, effects: tuple[str, ...], is_named: bool
+) -> None:
+    monkeypatch.setattr(answer, "_values", lambda *_: {"delay_s": (delay_s, 0.001)})
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=SimpleNamespace(effects=effects),
+        gains={"wheel_speed_delay": gain},
+        elsewhere={"wheel_speed_delay": {}},
+    )
+    assert (answer._cause(search, "wheel_speed_delay") is not None) is is_named
