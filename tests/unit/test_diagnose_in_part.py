@@ -120,6 +120,10 @@ def test_within_their_tolerance_tyres_have_no_numbers_beside_what_turns_a_car_wi
     monkeypatch.setattr(answer, "shapes_of_all", lambda *_: [])
     told = answered(search._replace(gains={**search.gains, shape: gain}))
     assert [error.parameter for error in told.parameter_errors] == ([key] if there else [])
+    # Beyond it they are a cause, which has its numbers.
+    soft = found(drive({"cornering_stiffness.front_scale": -0.3}, CITY_V, CITY_STEER))
+    told = answered(soft._replace(gains={**soft.gains, shape: gain}))
+    assert key in {error.parameter for error in told.parameter_errors}
 
 
 def test_wheel_speeds_that_are_a_few_milliseconds_late_are_a_cause() -> None:

@@ -174,5 +174,18 @@ def test_how_much_is_on_board_is_told_by_what_tyres_may_be() -> None:
         value, std = told[name]
         assert std < fit.std[fit.columns.index(column)]
         assert value == pytest.approx(truth, abs=1.96 * std)
+    # All at once: the two stiffnesses within a tenth, and none to all and a third of what turns with the load.
+    names = [one.vocabulary.columns[i][1].name for i in fit.columns]
+    ends = {"turns": (0.0, 1.3)} | {f"{axle}_cornering_stiffness_n_per_rad": (-0.1, 0.1) for axle in ("front", "rear")}
+    places = [names.index(name) for name in ends]
+    middle, wide = np.array([(0.5 * (a + b), b - a) for a, b in ends.values()]).T
+    across = fit.covariance[:, places]
+    gain = across @ np.linalg.inv(across[places] + np.diag(wide**2 / 12.0))
+    values = fit.x[list(fit.columns)] + gain @ (middle - fit.x[[fit.columns[place] for place in places]])
+    for name, column in (("added_mass_kg", ADDED), ("cg_shift_m", SHIFT)):
+        place = fit.columns.index(column)
+        variance = fit.covariance[place, place] - gain[place] @ across[place]
+        assert told[name][0] == pytest.approx(values[place])
+        assert told[name][1] == pytest.approx(np.hypot(np.sqrt(variance), 0.02 * values[place]), rel=0.02)
     # Other effects are told as they are fitted.
     assert fit_of(one, "cornering_stiffness").between is None
