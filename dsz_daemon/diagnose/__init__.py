@@ -23,11 +23,13 @@ from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.drives import against, drive_of
 from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
 from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.diagnose.search import Search, searched
+from dsz_daemon.diagnose.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.unlisted import Shape
 from dsz_daemon.errors import InputError
@@ -113,7 +115,7 @@ def diagnose(
             )
         drive = against(drive, theirs)
     try:
-        found = searched(drive, rows_of(drive), tolerance, say, each)
+        found = searched(drive, rolling_rows(drive, rows_of(drive)), tolerance, say, each)
         found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
     except np.linalg.LinAlgError as error:
         raise InputError(
@@ -122,7 +124,13 @@ def diagnose(
         ) from error
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
-    return Diagnosed(answered(found, [*input_faults, *faults], each, by_numbers, stops), found)
+    beside = [*stops, *spinning(found.drive, found.rows, found.best)]
+    said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
+    if not (said.causes or said.parameter_errors or said.unlisted):
+        # What was fitted and is not said has improved no fit that anybody could have.
+        found = found._replace(best=found.nominal)
+        said = said._replace(fit=goodness(found))
+    return Diagnosed(said, found)
 
 
 def _where_steered(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,6 +29,7 @@ _FAULTS = {"axis_fault", "configuration"}
 _INTEGRATED = {"road_bank": "gyro_x", "road_grade": "gyro_y"}
 # Less than this and the fit on unseen data is as it was.
 _BETTER = 1.05
+_SPIN = re.compile(r"k\*vx from ([\d.]+ to [\d.]+ s)")
 
 
 def sentence(result: Mapping[str, Any]) -> str:
@@ -112,14 +114,33 @@ def end_of(shape: Mapping[str, Any]) -> str:
     return f"{goes} ({share:.0%} of the drive is left out)" if np.isfinite(share) else goes
 
 
-def _worst(result: Mapping[str, Any]) -> str:
-    """What is left where it is most, and the shapes without a name."""
-    ends = [end_of(one) for one in entries(result.get("unlisted"))]
-    shapes = [
-        title_of(told(one.get("channel")), result)
-        for one, end in zip(entries(result.get("unlisted")), ends, strict=True)
-        if not end
+def is_spin(shape: Mapping[str, Any]) -> bool:
+    """Whether a shape is a stretch in which a wheel spins or slides."""
+    return _SPIN.fullmatch(told(shape.get("shape"))) is not None
+
+
+def spins_of(result: Mapping[str, Any]) -> list[str]:
+    """In words, a sentence per wheel, when it spins or slides and by how much."""
+    found = dict[tuple[str, str], list[tuple[str, float]]]()
+    for shape in entries(result.get("unlisted")):
+        when, k = _SPIN.fullmatch(told(shape.get("shape"))), real(mapping(shape.get("coefficient")).get("value"))
+        if when is not None and np.isfinite(k):
+            wheel = title_of(told(shape.get("channel")), result).removesuffix(" speed")
+            found.setdefault((wheel, "spins" if k > 0.0 else "slides"), []).append((when[1], abs(k)))
+    return [
+        f"the {wheel} {does}: {listed([when for when, _ in stretches])}, up to {max(k for _, k in stretches):.0%} "
+        f"{'faster' if does == 'spins' else 'slower'} than the car rolls, which is left out of the fit"
+        for (wheel, does), stretches in found.items()
     ]
+
+
+def _worst(result: Mapping[str, Any]) -> str:
+    """What is left where it is most, wheels that spin, and the shapes without a name."""
+    unlisted = [one for one in entries(result.get("unlisted")) if not is_spin(one)]
+    ends = [end_of(one) for one in unlisted]
+    shapes = [title_of(told(one.get("channel")), result) for one, end in zip(unlisted, ends, strict=True) if not end]
+    if len(unlisted) < len(entries(result.get("unlisted"))):
+        ends.append("wheels spin or slide")
     levels = {name: real(value) for name, value in mapping(result.get("level")).items()}
     known = {name: value for name, value in levels.items() if np.isfinite(value)}
     parts = [end for end in ends if end]

@@ -20,7 +20,7 @@ from dsz_daemon.edge.small_arrays import keep_freed_memory
 from dsz_daemon.errors import InputError, MachineError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
-from dsz_daemon.report.diagnosis_words import end_of
+from dsz_daemon.report.diagnosis_words import end_of, is_spin, spins_of
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
 from dsz_daemon.runs.states_file import check_overlap, read_states
@@ -131,7 +131,10 @@ def words(result: dict[str, Any]) -> str:
     for error in result["parameter_errors"]:
         configured, fitted, std = (_figure(error[key]) for key in ("configured", "fitted", "std"))
         lines.append(f"- {error['parameter']}: configured {configured}, fits best at {fitted} +- {std}")
+    lines += [f"- {spins}" for spins in spins_of(result)]
     for shape in result["unlisted"]:
+        if is_spin(shape):
+            continue
         k = f"{shape['coefficient']['value']:.3g} {shape['coefficient']['unit']}"
         told = end_of(shape) or f"{shape['channel']}: {shape['shape']} with k = {k}"
         lines.append(f"- {told}, for which there is no name")

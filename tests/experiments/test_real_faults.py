@@ -11,6 +11,7 @@ import real_faults
 
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.runs.diagnose import Beside, diagnose
+from tests.real.recordings import NO_OPENDBC
 
 WITHOUT = {"road_grade", "wheel_slip"}
 
@@ -73,3 +74,19 @@ def test_by_the_cars_own_three_channels_hills_are_named_and_the_reversed_axis(
     told = np.interp(time_s, columns["time_s"], columns["road_grade_up_rad"])
     assert np.corrcoef(told, grade)[0, 1] > 0.9
     assert np.std(told - grade) < np.radians(0.8)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(NO_OPENDBC is not None, reason=NO_OPENDBC or "")
+@pytest.mark.skipif(not real_faults.DATA.is_dir(), reason="the real recordings are not beside the project")
+def test_rear_wheels_that_spin_at_three_starts_are_said(tmp_path: Path) -> None:
+    """From the messages themselves: the rear wheels are 1.5 m/s ahead of the front ones at 38, 50 and 60 s."""
+    log = real_faults.DATA.parent / "mustang" / "recording.log"
+    found = diagnose([log], real_faults.ROOT / "config" / "cars" / "ford_mustang_s550.yaml", tmp_path / "out")
+    assert (found["verdict"], found["causes"]) == ("unexplained", [])
+    for wheel in ("wheel_speed_rl", "wheel_speed_rr"):
+        mine = [shape for shape in found["unlisted"] if shape["channel"] == wheel]
+        starts = [float(shape["shape"].split()[2]) for shape in mine]
+        assert starts == [pytest.approx(start_s, abs=1.0) for start_s in (38.0, 50.0, 60.5)]
+        assert all(0.15 < shape["coefficient"]["value"] < 0.4 for shape in mine)
+    assert len(found["unlisted"]) == 6

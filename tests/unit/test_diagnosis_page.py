@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from report_cases import Page, assert_offline
 
 from dsz_daemon.report.diagnosis_channels import channels_of
 from dsz_daemon.report.diagnosis_page import diagnosis_page
-from dsz_daemon.report.diagnosis_words import end_of, sentence
+from dsz_daemon.report.diagnosis_words import end_of, is_spin, sentence, spins_of
 from dsz_daemon.report.markup import element
 from dsz_daemon.report.offline_page import Picture, plotly, section, write_page
 
@@ -197,6 +198,31 @@ def test_what_steers_the_simulation_and_ends_is_said_in_words() -> None:
     told = sentence(diagnosis(verdict="unexplained", causes=[], unlisted=[end], level={"accel_z": 1.2}))
     assert told.endswith(f": {words}.")
     assert "follows a shape" not in told
+
+
+def test_wheels_that_spin_or_slide_are_said_in_words() -> None:
+    def spin(channel: str, when: str, k: float) -> dict[str, Any]:
+        unit = "(m/s)/(m/s)"
+        return {"channel": channel, "shape": f"k*vx from {when} s", "coefficient": {"value": k, "unit": unit}}
+
+    spins = [
+        spin("wheel_speed_fl", "38.0 to 38.9", 0.23),
+        spin("wheel_speed_fl", "50.1 to 51.2", 0.21),
+        spin("wheel_speed_fl", "55.0 to 56.0", -0.5),
+        spin("wheel_speed_rl", "38.1 to 39.0", 0.25),
+    ]
+    square = {"channel": "accel_x", "shape": "k*vx^2", "coefficient": {"value": 0.1, "unit": "1/m"}}
+    result = diagnosis(verdict="unexplained", causes=[], unlisted=[*spins, square], level={})
+    out = "than the car rolls, which is left out of the fit"
+    assert spins_of(result) == [
+        f"the front left wheel spins: 38.0 to 38.9 s and 50.1 to 51.2 s, up to 23% faster {out}",
+        f"the front left wheel slides: 55.0 to 56.0 s, up to 50% slower {out}",
+        f"the rear left wheel spins: 38.1 to 39.0 s, up to 25% faster {out}",
+    ]
+    assert sentence(result).endswith(
+        ": wheels spin or slide and longitudinal acceleration follows a shape without a name."
+    )
+    assert [is_spin(one) for one in (spins[0], square, {})] == [True, False, False]
 
 
 def test_a_gyro_that_a_road_was_integrated_from_is_no_evidence_for_it() -> None:
