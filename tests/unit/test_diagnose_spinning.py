@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import N, T
 
 from dsz_daemon.diagnose import Diagnosed, diagnose
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import vocabulary
 from dsz_daemon.diagnose.prediction import Floats, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import Recording
+from dsz_daemon.diagnose.said import Diagnosis
 from dsz_daemon.pipeline.grid import Signal
 
 RATIO = 16.0
@@ -74,3 +78,19 @@ def test_a_slip_that_goes_with_the_force_is_one_however_large() -> None:
     assert found.said.unlisted == []
     # Though what was fitted had been without it.
     assert not found.search.rows.used[:, 6:8].all()
+
+
+def test_what_is_fitted_and_not_said_improves_no_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = said_of(np.zeros(N), slip_per_force=0.05).said
+    [cause] = said.causes
+    assert said.fit["wheel_speed_fl"].train.after < 0.5 * said.fit["wheel_speed_fl"].train.before
+
+    def without_a_name(*given: Any) -> Diagnosis:
+        return answered(*given)._replace(causes=[])
+
+    monkeypatch.setattr("dsz_daemon.diagnose.answered", without_a_name)
+    found = said_of(np.zeros(N), slip_per_force=0.05)
+    assert cause.effect not in found.search.best.effects
+    for channel, fit in found.said.fit.items():
+        assert fit.train.after == fit.train.before == said.fit[channel].train.before
+        assert fit.held_out.after == fit.held_out.before
