@@ -24,6 +24,9 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 DT_S = 0.01
 # Gaussian: half the power at 2.2 Hz, above what a driver and a car's body do, below what pole counting adds.
 FILTER_S = 0.06
+# Noise of a steering sensor by which play would come out wider by as much as its spread, at the road wheels, and what
+# takes most of it off, half of what swings at 7 Hz.
+_FLICKER_RAD, _LIGHT = 5e-5, np.hanning(15)[1:-1] / np.sum(np.hanning(15))
 # Longitudinal acceleration, measured and predicted, passes another: a speed that is differentiated is noise above
 # that, and whatever smooths a prediction (a bandwidth, a delay) would look like physics.
 ALONG_FILTER_S = 0.15
@@ -108,9 +111,17 @@ def recorded(
             for name in PEDALS
             if name in signals and len(signals[name].t_ns)
         ),
-        steering,
+        _without_flicker(steering, white_std(told.values, 4) / ratio if told is not None else math.nan),
         steering_kernel,
     )
+
+
+def _without_flicker(steering_rad: Floats, noise_rad: float) -> Floats:
+    """The steering without so much noise of its sensor that play would follow it; a hand trembles more slowly.
+
+    At each turn of the hand the noise of all samples about it takes up play, two to three deviations of it.
+    """
+    return steering_rad if not noise_rad > _FLICKER_RAD else filtered(steering_rad, _LIGHT)
 
 
 def _pressed(pedal: Signal, first_ns: int, time_s: Floats) -> Floats:
@@ -227,8 +238,12 @@ def _top(channel: int, signal: Signal | None, first_ns: int) -> FlatTop | None:
     return flat_top(channel, at_s, signal.values, _step(signal), white_std(signal.values))
 
 
-def white_std(values: Floats) -> float:
-    """Standard deviation of what is white in a signal: of second differences, of which a smooth signal has little."""
-    second = np.diff(values, 2)
-    second = np.abs(second[np.isfinite(second)])
-    return float(1.4826 * np.median(second) / math.sqrt(6.0)) if len(second) else math.nan
+def white_std(values: Floats, order: int = 2) -> float:
+    """Standard deviation of what is white in a signal: of its differences, of which a smooth signal has little.
+
+    Of the `order`-th ones, which the less has of what is quick, and white noise as its binomials make of it.
+    """
+    differences = np.diff(values, order)
+    differences = np.abs(differences[np.isfinite(differences)])
+    of_one = math.sqrt(math.comb(2 * order, order))
+    return float(1.4826 * np.median(differences) / of_one) if len(differences) else math.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property, partial
 
@@ -48,6 +49,7 @@ _SHARE_OF_STEERING, _PLACE_AND_TIME = 0.25, {"imu_lever_arm", "imu_delay", "sens
 
 # What gains so much stands by itself.
 _BY_ITSELF = 100.0
+_WIND = "side_wind"
 _INSTRUMENTS = ("gyro", "accel")
 
 
@@ -180,10 +182,17 @@ def unfelt_roads(drive: Drive) -> list[str]:
 def worth_now(
     drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
 ) -> dict[str, float]:
-    """What was gained, of such a road what it gains beside all that came after: what is quick hides a hill."""
+    """What was gained; of some, what they gain beside all that came after.
+
+    Such are roads that no gyro feels, since what is quick hides a hill, and a wind that was felt anew, by other tyres
+    than those that it came with.
+    """
     mine = {effect: gains[effect] for effect in best.effects}
-    for road in set(unfelt_roads(drive)) & set(best.effects):
-        mine[road] = max(mine[road], gained(drive, without(drive, rows, best, tolerance, (road,), each), best))
+    later = set(unfelt_roads(drive))
+    if best.felt.is_anew and mine.get(_WIND, math.inf) < told_from(drive, best, _WIND):
+        later |= {_WIND}
+    for one in later & set(best.effects):
+        mine[one] = max(mine[one], gained(drive, without(drive, rows, best, tolerance, (one,), each), best))
     return mine
 
 

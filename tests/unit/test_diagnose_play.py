@@ -81,3 +81,28 @@ def test_play_goes_on_where_a_steering_is_missing_for_a_moment() -> None:
     drive, x = drive_of(recorded(signals, 1.0), TUCSON, 1.0), nothing()
     x[INDEX["steering_backlash.width_rad"]] = 0.01
     assert np.isfinite(predicted(drive, x, flat(len(drive.steer)))[:, YAW]).all()
+
+
+def test_noise_of_a_steering_sensor_takes_up_no_play() -> None:
+    """Of what is lost on the way a twelfth would be missing, as if the play were less wide by that."""
+    at_ns, width_rad, noise_rad = (T * 1e9).astype(np.int64) + 1, 0.003, 2.5e-4
+    noisy = WANDERS + noise_rad * np.random.default_rng(1).normal(0.0, 1.0, len(T))
+    signals = {name: Signal(at_ns, np.full(len(T), 20.0)) for name in (*WHEEL_SPEEDS, "gyro_z")}
+
+    def told(angle_rad: np.ndarray, by_hand: float) -> np.ndarray:
+        role = "steering_wheel_angle" if by_hand != 1.0 else "road_wheel_angle"
+        found = recorded(signals | {role: Signal(at_ns, by_hand * angle_rad)}, by_hand).told_rad
+        assert found is not None
+        return found
+
+    lost = lost_in_play(WANDERS, width_rad, filter_kernel())[20:-20]
+    for by_hand in (16.0, 1.0):
+        shown = lost_in_play(told(noisy, by_hand), width_rad, filter_kernel())[20:-20]
+        as_it_comes = lost_in_play(noisy, width_rad, filter_kernel())[20:-20]
+        # By as much as play is too narrow, either way.
+        assert np.mean(np.abs(lost)) - np.mean(np.abs(as_it_comes)) > 0.4 * noise_rad
+        assert abs(np.mean(np.abs(lost)) - np.mean(np.abs(shown))) < 0.15 * noise_rad
+        # A sensor with little noise is taken as it is.
+        np.testing.assert_allclose(told(WANDERS + TREMBLES, by_hand), WANDERS + TREMBLES, rtol=0.0, atol=1e-8)
+        little = WANDERS + 0.1 * (noisy - WANDERS)
+        np.testing.assert_allclose(told(little, by_hand), little, rtol=0.0, atol=1e-8)

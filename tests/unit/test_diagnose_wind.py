@@ -15,11 +15,13 @@ from dsz_daemon.diagnose import told_roads, trials, winds
 from dsz_daemon.diagnose.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fit import fitted
+from dsz_daemon.diagnose.gains import told_from
 from dsz_daemon.diagnose.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
 from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import _with_wind_anew, searched
+from dsz_daemon.diagnose.smaller import worth_now
 from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.trials import Step, Trial, enough_first, two_at_once
 
@@ -137,6 +139,22 @@ def test_a_wind_is_felt_anew_only_where_the_yaw_rate_is_off(monkeypatch: pytest.
     # One that is none by then is not taken.
     monkeypatch.setattr(search_module, "is_implausible", lambda *given: given[2:] == (given[2], "side_wind"))
     assert _with_wind_anew(trial, map) is None
+
+
+def test_a_wind_that_is_felt_anew_has_gained_what_it_gains_then() -> None:
+    """It came with other tyres, by which the yaw rate was off, and gained little."""
+    one, x = blown_on(0.3)
+    rows = rows_of(one)
+    held = fitted(one, rows, x, ("side_wind",), TOLERANCE)
+    felt = held.felt.anew()
+    assert felt is not None
+    anew = fitted(one, rows, held.x, ("side_wind",), TOLERANCE, felt=felt)
+    asked = told_from(one, anew, "side_wind")
+    now = worth_now(one, rows, anew, TOLERANCE, {"side_wind": 0.9 * asked}, map)
+    assert now["side_wind"] > 10.0 * asked
+    # It was enough before, or no other tyres have made it another one.
+    assert worth_now(one, rows, anew, TOLERANCE, {"side_wind": 1.1 * asked}, map) == {"side_wind": 1.1 * asked}
+    assert worth_now(one, rows, held, TOLERANCE, {"side_wind": 0.9 * asked}, map) == {"side_wind": 0.9 * asked}
 
 
 def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part_of_it() -> None:
