@@ -44,6 +44,8 @@ _UNFELT = 0.5
 _TOLD = 2.0
 # And two together, by their ellipse (chi squared, one in a thousand).
 _TOLD_TOGETHER = 13.8
+# Who and what a configured car may be without (1 spread).
+_MAY_BE_MISSING_KG = 100.0
 # A load is one that weighs something, by so many spreads.
 _WEIGHS, _WEIGHT = 1.5, INDEX[f"{LOAD}.added_mass_kg"]
 _OF_WHEELS = ("wheel_radius", "wheel_square")
@@ -121,6 +123,12 @@ def wheels_differ(drive: Drive, fit: Fit, effect: str) -> bool:
 def weighs_nothing(fit: Fit) -> bool:
     """Whether a load is but another place of the C.G., as far as is told, or there is less on board than configured."""
     return _WEIGHT in fit.columns and not fit.x[_WEIGHT] > _WEIGHS * fit.std[fit.columns.index(_WEIGHT)]
+
+
+def odds_against_less(fit: Fit) -> float:
+    """How unlikely so much less than configured on board is to begin with, in log likelihood: who weighs a car does."""
+    missing_kg = max(-float(fit.x[_WEIGHT]), 0.0) if _WEIGHT in fit.columns else 0.0
+    return 0.5 * (missing_kg / _MAY_BE_MISSING_KG) ** 2
 
 
 def _are_told(drive: Drive, fit: Fit, there: Sequence[int]) -> bool:

@@ -11,7 +11,7 @@ from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_implausible, is_told, weighs_nothing
+from dsz_daemon.diagnose.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.trials import ODD_LOAD, Step
 
@@ -67,9 +67,10 @@ def in_its_place(
 
 
 def _more(drive: Drive, nominal: Fit, before: Fit, after: Fit) -> float:
-    """As rivals: what is left hangs together more or less, so the same rows count. An empty load is odd."""
+    """As rivals: what is left hangs together more or less, so the same rows count. An empty load is odd, and a lack."""
     same = np.exp(np.mean(np.log([before.per_row, after.per_row]), axis=0))
     odd = ODD_LOAD * (weighs_nothing(after) - weighs_nothing(before))
+    odd += odds_against_less(after) - odds_against_less(before)
     return gained(drive, nominal, after, same) - gained(drive, nominal, before, same) - odd
 
 

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_righ
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_implausible, is_told, weighs_nothing
+from dsz_daemon.diagnose.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
 from dsz_daemon.diagnose.shape_names import is_of_the_car
@@ -185,7 +185,8 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
-        alike -= ODD_LOAD if step.effect == LOAD and weighs_nothing(step.fit) else 0.0
+        if step.effect == LOAD:
+            alike -= ODD_LOAD * weighs_nothing(step.fit) + odds_against_less(step.fit)
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank

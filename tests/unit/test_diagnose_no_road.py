@@ -191,7 +191,9 @@ def test_what_is_no_load_is_not_asked_for_its_weight() -> None:
     assert not weighs_nothing(other)
 
 
-@pytest.mark.parametrize(("added_kg", "first"), [(300.0, "mass_loading"), (50.0, "steering_compliance")])
+@pytest.mark.parametrize(
+    ("added_kg", "first"), [(300.0, "mass_loading"), (50.0, "steering_compliance"), (-300.0, "steering_compliance")]
+)
 def test_a_load_that_weighs_nothing_stands_behind_what_turns_a_car_as_it_does(
     monkeypatch: pytest.MonkeyPatch, added_kg: float, first: str
 ) -> None:
@@ -202,7 +204,9 @@ def test_a_load_that_weighs_nothing_stands_behind_what_turns_a_car_as_it_does(
     steps = [Step("mass_loading", 504.0, loaded(added_kg, 100.0)), Step("steering_compliance", 500.0, steering)]
     rank = rank_by(None, None, steps)  # type: ignore[arg-type]
     assert max(steps, key=rank).effect == first
-    assert rank(steps[0]) == pytest.approx(504.0 - ODD_LOAD * (added_kg < 100.0))
+    # Three spreads of what may be missing: a hundredth as likely as nothing.
+    missing = {-300.0: 4.5}.get(added_kg, 0.0)
+    assert rank(steps[0]) == pytest.approx(504.0 - ODD_LOAD * (added_kg < 100.0) - missing)
 
 
 @pytest.mark.parametrize("weighs", [True, False])
@@ -222,7 +226,12 @@ def test_nor_does_it_take_their_place(monkeypatch: pytest.MonkeyPatch, weighs: b
     gains = {step.effect: step.gain for step in found}
     assert gains["steering_compliance"] == pytest.approx(0.0, abs=1e-9)
     assert gains["mass_loading"] == pytest.approx(0.0 if weighs else -ODD_LOAD)
+    monkeypatch.setattr(swaps_module, "odds_against_less", lambda fit: 2.0 * ("mass_loading" in fit.effects))
+    found = in_its_place(one, rows, best, best, "cornering_stiffness", steps, TOLERANCE, map)
+    gains = {step.effect: step.gain for step in found}
+    assert gains["mass_loading"] == pytest.approx(-2.0 if weighs else -2.0 - ODD_LOAD)
     # Nor keeps it its own.
+    monkeypatch.setattr(swaps_module, "odds_against_less", lambda _: 0.0)
     loaded_best = best._replace(effects=("mass_loading", "wheel_radius"))
     steps = [Step("mass_loading", 100.0, loaded_best)]
     found = in_its_place(one, rows, best, loaded_best, "mass_loading", steps, TOLERANCE, map)
