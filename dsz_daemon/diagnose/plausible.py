@@ -44,6 +44,7 @@ _UNFELT = 0.5
 _TOLD = 2.0
 # And two together, by their ellipse (chi squared, one in a thousand).
 _TOLD_TOGETHER = 13.8
+_NOTHING = 1e-9
 # Who and what a configured car may be without (1 spread).
 _MAY_BE_MISSING_KG = 100.0
 # A load is one that weighs something, by so many spreads.
@@ -110,6 +111,12 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
     return told or wheels_differ(drive, fit, effect)
+
+
+def does_nothing(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether an effect of a fit is not there: what slopes say that it would gain it has not."""
+    own = [i for i in drive.vocabulary.columns_of(effect) if math.isfinite(drive.vocabulary.columns[i][1].least)]
+    return bool(own) and effect not in OWN_CHANNEL and bool((np.abs(fit.x[own]) < _NOTHING).all())
 
 
 def wheels_differ(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -11,7 +11,7 @@ from dsz_daemon.diagnose.effect_row import CAR
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve
 from dsz_daemon.diagnose.gains import gained, is_beyond_form, told_from
-from dsz_daemon.diagnose.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.plausible import does_nothing, is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.shape_beside import another_course
 from dsz_daemon.diagnose.shape_names import is_of_the_car, is_shape, steers_by_speed, with_shapes
@@ -115,7 +115,7 @@ class Grown:
         best, new = self._now, self._now.effects[-1]
         for effect in self._now.effects[:-1]:
             rest = self._smaller[effect] if best is self._now else self._without(best, effect)
-            gains[effect] = self._worth(rest, best)
+            gains[effect] = 0.0 if does_nothing(self._drive, best, effect) else self._worth(rest, best)
             if gains[effect] < LEAST_GAIN:
                 best = rest
         if best is not self._now:
@@ -161,6 +161,9 @@ def plausible(
     what it drives out, has to go itself: then the model is the one `before`. A grade that no gyro feels is as smooth as
     it is beside the newest.
     """
+    lost = set(before.effects) - set(best.effects)
+    if lost and gained(drive, best, before) > gained(drive, before, best):
+        return before, {best.effects[-1]}
     new, wrong = best.effects[-1], {effect for effect in best.effects if is_implausible(drive, rows, best, effect)}
     if not wrong:
         felt = best.felt.smoothed_anew()

@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_righ
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
+from dsz_daemon.diagnose.plausible import does_nothing, is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
 from dsz_daemon.diagnose.shape_names import is_of_the_car
@@ -53,6 +53,8 @@ _LOST = -20.0
 _RIVALS = 0.5
 # What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
 SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
+# What stands behind by another rule than what it gains.
+_RANKED_LOWER = _SPECIAL | OWN_CHANNEL.keys() | {LOAD}
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
 # A load that weighs nothing is a thousand times less likely to begin with, in log likelihood.
@@ -102,7 +104,7 @@ class Trial:
             alone[list(self.drive.vocabulary.columns_of(effect))] = 0.0
             alone[[INDEX[f"{effect}.{wheel}"] for wheel in wheels]] = [value for value, _ in wheels.values()]
             fit = self._fitted(alone, effects)
-        if any(is_implausible(self.drive, self.rows, fit, one) for one in new):
+        if any(does_nothing(self.drive, fit, one) or is_implausible(self.drive, self.rows, fit, one) for one in new):
             return Step(effect, -math.inf, fit)
         if effect in GUESSED:
             # What has no slope at 0 began with those of a guess.
@@ -311,12 +313,19 @@ def _tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], eac
 def rivals_of(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:
     """Of each effect that the first has more than `best`: what was tried in its place beside what else it has more.
 
-    What they gain is what they were ranked by.
+    What they gain is what they were ranked by. One that gains more than the first by what itself leaves, and less by
+    what all of them leave, is as likely: the two ways to judge do not agree.
     """
     added = [set(step.fit.effects[len(best.effects) :]) for step in tried]
+    first = rank(tried[0])
+
+    def gain(step: Step) -> float:
+        is_open = step.gain > tried[0].gain and step.effect not in _RANKED_LOWER
+        return max(rank(step), first) if is_open else rank(step)
+
     return {
         effect: tuple(
-            Step(next(iter(mine - others)), rank(step), step.fit)
+            Step(next(iter(mine - others)), gain(step), step.fit)
             for step, mine in zip(tried, added, strict=True)
             if (others := added[0] - {effect}) < mine
         )

@@ -337,6 +337,30 @@ def test_of_two_at_once_each_has_its_own_rivals() -> None:
     assert [one.effect for one in rivals_of(best, alone, rank)["steering_delay"]] == ["steering_delay", "imu_delay"]
 
 
+def test_of_two_ways_to_judge_that_do_not_agree_neither_is_surer() -> None:
+    """By what itself leaves one gains more than the first, by what all of them leave it gains less."""
+    best: Any = SimpleNamespace(effects=())
+
+    def step(effect: str, gain: float) -> Step:
+        fit: Any = SimpleNamespace(effects=(effect,))
+        return Step(effect, gain, fit)
+
+    tried = [step("sensor_bandwidth", 100.0), step("imu_delay", 110.0), step("gyro_scale", 90.0)]
+    tried += [step(effect, 120.0) for effect in ("road_bank", "low_friction", "mass_loading")]
+    ranks = {"sensor_bandwidth": 105.0, "imu_delay": 95.0}
+    found = rivals_of(best, tried, lambda one: ranks.get(one.effect, 80.0))["sensor_bandwidth"]
+    gains = {one.effect: one.gain for one in found}
+    assert gains == {
+        "sensor_bandwidth": 105.0,
+        "imu_delay": 105.0,
+        "gyro_scale": 80.0,
+        # Behind by other rules than what they gain.
+        "road_bank": 80.0,
+        "low_friction": 80.0,
+        "mass_loading": 80.0,
+    }
+
+
 def test_two_that_hide_each_other_are_both_named() -> None:
     search = found(both_late())
     assert set(search.best.effects) == {"sensor_bandwidth", "steering_delay"}

@@ -14,11 +14,13 @@ from dsz_daemon.diagnose import smaller as smaller_module
 from dsz_daemon.diagnose import trials as trials_module
 from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import all_hands, rows_of
+from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.gains import gained
+from dsz_daemon.diagnose.plausible import does_nothing
 from dsz_daemon.diagnose.prediction import nothing
 from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.smaller import Grown, asked_of, without_trifles
+from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles
 from dsz_daemon.diagnose.trials import Step
 from dsz_daemon.diagnose.unlisted import Found, as_effect
 
@@ -95,6 +97,7 @@ def test_each_earlier_effect_is_tried_without_and_again_without_what_had_to_go(
     monkeypatch.setattr(smaller_module, "surely_without", surely)
     monkeypatch.setattr(smaller_module, "slopes_at", lambda *_: None)
     monkeypatch.setattr(smaller_module, "gained", gains)
+    monkeypatch.setattr(smaller_module, "does_nothing", lambda *_: False)
     rows: Any = SimpleNamespace(form=None)
     none: Any = None
     now: Any = SimpleNamespace(effects=("first", "second", "third", "newest"))
@@ -130,6 +133,7 @@ def test_what_stays_surely_does_so_by_either_form(
     monkeypatch.setattr(smaller_module, "surely_without", surely)
     monkeypatch.setattr(smaller_module, "slopes_at", lambda *_: "the slopes")
     monkeypatch.setattr(smaller_module, "gained", gains)
+    monkeypatch.setattr(smaller_module, "does_nothing", lambda *_: False)
     rows: Any = SimpleNamespace(form="the rows'")
     none: Any = None
     now: Any = SimpleNamespace(effects=("first", "newest"))
@@ -287,3 +291,64 @@ def test_of_two_that_came_at_once_the_one_that_a_road_leaves_is_told_with_what_i
     assert found.gains == {"gyro_scale": pytest.approx(gain)}
     assert [(step.effect, step.gain) for step in found.rivals["gyro_scale"]] == [("gyro_scale", pytest.approx(gain))]
     assert [cause.effect for cause in answered(found).causes] == ["gyro_scale"]
+
+
+def late(**more: float) -> tuple[Any, Any, Any]:
+    """A drive whose IMU is late, its rows, and the model with that, and with what else is there."""
+    one = drive({"imu_delay.delay_s": 0.02}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    x = nothing()
+    for name, value in more.items():
+        x[INDEX[name.replace("__", ".")]] = value
+    fit = fitted(one, rows, x, ("imu_delay",), TOLERANCE)
+    return one, rows, fit
+
+
+def test_what_is_not_there_gains_nothing_whatever_slopes_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Down a slope that is none beyond the first step a fit goes nowhere; held-out blocks are judged by slopes."""
+    one, rows, fit = late()
+    assert not does_nothing(one, fit, "imu_delay")
+    for effect, beside in (("tyre_relaxation", {}), ("imu_clock", {"imu_clock.late_s": 0.01}), ("imu_delay", {})):
+        x = nothing()
+        for name, value in beside.items():
+            x[INDEX[name]] = value
+        assert does_nothing(one, fit._replace(x=x), effect)
+    # A road's profile is no number of its own.
+    assert not does_nothing(one, fit._replace(x=nothing()), "road_bank")
+    still = fit._replace(x=nothing(), effects=("tyre_relaxation",))
+    monkeypatch.setattr(trials_module, "fitted", lambda *_, **__: still)
+    monkeypatch.setattr(trials_module, "gained", lambda *_, **__: 11.5)
+    monkeypatch.setattr(trials_module, "is_implausible", lambda *_: False)
+    known: Any = None
+    trial = trials_module.Trial(one, rows, fit, TOLERANCE, known)
+    assert trial.fit((("tyre_relaxation",), nothing())).gain == -np.inf
+    still.x[INDEX["tyre_relaxation.relaxation_length_m"]] = 0.1
+    assert trial.fit((("tyre_relaxation",), nothing())).gain == 11.5
+
+
+def test_what_does_nothing_beside_the_newest_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, rows, fit = late()
+    monkeypatch.setattr(smaller_module, "gained", lambda *_: 30.0)
+    for delay_s, stays in ((0.0, False), (0.02, True)):
+        x = fit.x.copy()
+        x[INDEX["imu_delay.delay_s"]], x[INDEX["imu_clock.per_s"]] = delay_s, 1e-4
+        now = fit._replace(x=x, effects=("imu_delay", "imu_clock"))
+        gains = {"imu_delay": 14.0, "imu_clock": 30.0}
+        best = Grown(one, rows, TOLERANCE, fit, now).without_idle(gains)
+        assert ("imu_delay" in best.effects) is stays
+        assert gains["imu_delay"] == (30.0 if stays else 0.0)
+
+
+@pytest.mark.parametrize(("by_the_new", "by_the_old", "stays"), [(-7.0, -2.0, False), (-2.0, -7.0, True)])
+def test_what_drives_another_out_has_to_explain_more_than_it(
+    monkeypatch: pytest.MonkeyPatch, by_the_new: float, by_the_old: float, stays: bool
+) -> None:
+    one, rows, before = late()
+    clock = before._replace(effects=("imu_clock",))
+    monkeypatch.setattr(smaller_module, "gained", lambda _, __, larger: by_the_new if larger is clock else by_the_old)
+    monkeypatch.setattr(smaller_module, "is_implausible", lambda *_: False)
+    best, refused = plausible(one, rows, before, clock, TOLERANCE, map)
+    assert (best.effects, refused) == ((("imu_clock",), set()) if stays else (("imu_delay",), {"imu_clock"}))
+    # Beside what was there before nothing is asked.
+    both = before._replace(effects=("imu_delay", "imu_clock"))
+    assert plausible(one, rows, before, both, TOLERANCE, map)[0].effects == both.effects
