@@ -22,7 +22,7 @@ from dsz_daemon.report.diagnosis_tables import (
     untested_table,
 )
 from dsz_daemon.report.diagnosis_units import entries, told
-from dsz_daemon.report.diagnosis_words import sentence
+from dsz_daemon.report.diagnosis_words import is_spin, sentence, spins_of
 from dsz_daemon.report.display import Floats, duration
 from dsz_daemon.report.markup import element
 from dsz_daemon.report.offline_page import Picture, no_script, page_bytes, plotly, section
@@ -105,13 +105,16 @@ def _facts(result: Mapping[str, Any], channels: Sequence[Channel], title: str) -
 def _causes(result: Mapping[str, Any]) -> list[Element]:
     """A card each; what is wrong with the configuration; shapes without a name; what to drive next."""
     causes, errors = entries(result.get("causes")), entries(result.get("parameter_errors"))
-    shapes = entries(result.get("unlisted"))
+    shapes = [shape for shape in entries(result.get("unlisted")) if not is_spin(shape)]
     parts: list[Element] = []
     if causes:
         parts += [element("h2", "Cause" if len(causes) == 1 else "Causes")]
         parts += [cause_card(cause, number) for number, cause in enumerate(causes, start=1)]
     if errors:
         parts += [element("h2", "Configured parameters that fit better otherwise"), error_table(errors)]
+    if spins := spins_of(result):
+        parts += [element("h2", "Wheels beyond their grip")]
+        parts += [element("ul", *(element("li", f"{one[:1].upper()}{one[1:]}.") for one in spins))]
     if shapes:
         parts += [element("h2", "Shapes without a name"), unlisted_table(shapes, result)]
     manoeuvres = manoeuvre_list(result.get("next_manoeuvres"))

@@ -223,6 +223,11 @@ def test_wheels_that_spin_or_slide_are_said_in_words() -> None:
         ": wheels spin or slide and longitudinal acceleration follows a shape without a name."
     )
     assert [is_spin(one) for one in (spins[0], square, {})] == [True, False, False]
+    page = diagnosis_page(result, drive(), "Spins")
+    assert f"<li>The rear left wheel spins: 38.1 to 39.0 s, up to 25% faster {out}.</li>" in page
+    assert "<code>k*vx from" not in page
+    assert "<code>k*vx^2</code>" in page
+    assert "Wheels beyond their grip" not in diagnosis_page(diagnosis(unlisted=[square]), drive(), "None")
 
 
 def test_a_gyro_that_a_road_was_integrated_from_is_no_evidence_for_it() -> None:
