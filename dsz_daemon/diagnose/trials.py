@@ -146,16 +146,23 @@ def all_tried(
     Beside a few effects, what lost the last time waits until of the others none gains enough.
     """
     waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
-    fits = list(each(trial.fit, [start for start in starts if start[0][-1] not in waiting]))
+    fits = _fitted_each(trial, [start for start in starts if start[0][-1] not in waiting], each)
     judged = _judged(trial, fits, each)
     tried = _ranked(trial.drive, trial.best, judged)
     later = [start for start in starts if start[0][-1] in waiting]
     if later and not enough(tried):
-        fits += (others := list(each(trial.fit, later)))
+        fits += (others := _fitted_each(trial, later, each))
         waiting = set()
         tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
     hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
     return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
+
+
+def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:
+    """The starts' fits in their order; those with a road, which take longest, are begun first."""
+    order = sorted(range(len(starts)), key=lambda i: starts[i][0][-1] not in TILTS)
+    fits = dict(zip(order, each(trial.fit, [starts[i] for i in order]), strict=True))
+    return [fits[i] for i in range(len(starts))]
 
 
 def _judged(trial: Trial, tried: Iterable[Step], each: Each) -> list[Step]:

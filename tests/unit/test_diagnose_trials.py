@@ -53,6 +53,16 @@ def test_what_lost_waits_until_of_the_others_none_gains_enough(
     assert (fitted, steps[0].effect, waiting) == (tried, best, waits)
 
 
+def test_what_takes_longest_is_begun_first_and_comes_in_its_turn() -> None:
+    fitted: list[str] = []
+    gains = {"side_wind": [30.0], "gyro_scale": [30.0], "road_bank": [30.0], "road_grade": [30.0]}
+    starts = [((name,), _X) for name in ("side_wind", "road_grade", "gyro_scale", "road_bank")]
+    steps, _ = all_tried(_trial(fitted, gains, ()), starts, (), _enough, map)
+    assert fitted == ["road_grade", "road_bank", "side_wind", "gyro_scale"]
+    # Of those that gain alike the first is the first.
+    assert [step.effect for step in steps] == ["side_wind", "road_grade", "gyro_scale", "road_bank"]
+
+
 def test_what_gains_from_one_of_its_starts_does_not_wait() -> None:
     trial = _trial([], {"side_wind": [-20.0, 0.5], "road_bank": [-20.0, -3.0], "imu_delay": [0.0]}, ())
     starts = [((name,), _X) for name in ("side_wind", "side_wind", "road_bank", "road_bank", "imu_delay")]
