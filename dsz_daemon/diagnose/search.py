@@ -37,7 +37,7 @@ from dsz_daemon.diagnose.smaller import (
     worth_now,
 )
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.swaps import a_load_instead, in_its_place
+from dsz_daemon.diagnose.swaps import a_load_instead, a_scale_instead, in_its_place
 from dsz_daemon.diagnose.trials import (
     SURELY,
     Step,
@@ -153,7 +153,7 @@ def searched(
         refused = wrong | (refused if best is before else set())
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
-    return _kept(_with_a_load(_each_in_its_place(found, tolerance, say, each), tolerance, each), tolerance, each)
+    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
 
 
 def _without_its_twin(
@@ -218,8 +218,28 @@ def _with_a_load(found: Search, tolerance: Mapping[str, float], each: Each) -> S
     )
 
 
+def _with_a_scale(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """The search with a yaw gyro's scale for what one does to ratio and tracks at once, where that is as good."""
+    scaled = a_scale_instead(found.drive, found.rows, found.nominal, found.best, tolerance, each)
+    if scaled is None:
+        return found
+    new, gone = scaled.effect, set(found.best.effects) - set(scaled.fit.effects)
+    before = sum(found.gains[effect] for effect in gone)
+    stays = [effect for effect in scaled.fit.effects if effect != new]
+    return found._replace(
+        best=scaled.fit,
+        gains={**{effect: found.gains[effect] for effect in stays}, new: before + scaled.gain},
+        rivals={
+            **{effect: found.rivals[effect] for effect in stays},
+            new: (scaled._replace(gain=before + scaled.gain),),
+        },
+        elsewhere={**{effect: found.elsewhere[effect] for effect in stays}, new: {}},
+    )
+
+
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
-    """Without trifles, and what was found of them."""
+    """One cause for two where it does what both do, without trifles, and what was found of them."""
+    found = _with_a_load(_with_a_scale(found, tolerance, each), tolerance, each)
     gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
     best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
     best = without_idle_shapes(found.drive, found.rows, best, tolerance, each)

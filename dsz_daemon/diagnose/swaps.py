@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import LOAD
@@ -14,6 +15,7 @@ from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive
 from dsz_daemon.diagnose.trials import ODD_LOAD, Step
+from dsz_daemon.diagnose.without import without
 
 # Of what an effect gained when it was chosen, a rival worth another look.
 _NEAR = 0.75
@@ -26,6 +28,8 @@ _AS_LATE = {"steering_lag": frozenset({"sensor_bandwidth", "imu_delay"})}
 # What a load does to how a car turns, as two; and so little less it may gain than both.
 _TYRES = "cornering_stiffness"
 _A_LOADS, _ALIKE = frozenset({_TYRES, "yaw_inertia"}), 3.0
+# A yaw gyro that shows less, as two: a car that turns less by its steering, and by the difference of its wheels.
+_SCALE, _A_SCALES = "gyro_scale", frozenset({"steering_ratio", "track_width"})
 
 
 def in_its_place(
@@ -99,3 +103,25 @@ def a_load_instead(
     there = fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
     gain = _more(drive, nominal, best, there)
     return Step(LOAD, gain, there) if gain > -_ALIKE and not is_implausible(drive, rows, there, LOAD) else None
+
+
+def a_scale_instead(
+    drive: Drive, rows: Rows, nominal: Fit, best: Fit, tolerance: Mapping[str, float], each: Each
+) -> Step | None:
+    """A yaw gyro's scale in place of a ratio and tracks that are both others, and of all that does nothing beside it.
+
+    With what it gains more; None if that is less: one cause is likelier than two that come to the same.
+    """
+    if not set(best.effects) >= _A_SCALES or _SCALE in best.effects:
+        return None
+    start = best.x.copy()
+    start[[i for effect in _A_SCALES for i in drive.vocabulary.columns_of(effect)]] = 0.0
+    effects = (*(one for one in best.effects if one not in _A_SCALES), _SCALE)
+    there = fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
+    if _more(drive, nominal, best, there) < -_ALIKE or is_implausible(drive, rows, there, _SCALE):
+        return None
+    for effect in effects[:-1]:
+        rest = without(drive, rows, there, tolerance, (effect,), each)
+        if gained(drive, rest, there) < LEAST_GAIN:
+            there = rest
+    return Step(_SCALE, _more(drive, nominal, best, there), there)

@@ -19,7 +19,7 @@ from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import Search, searched
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.swaps import a_load_instead, in_its_place
+from dsz_daemon.diagnose.swaps import a_load_instead, a_scale_instead, in_its_place
 from dsz_daemon.diagnose.trials import Step, Trial, two_instead
 from dsz_daemon.diagnose.unlisted import as_effect
 
@@ -285,6 +285,58 @@ def test_a_search_says_a_load_with_what_both_had_gained() -> None:
     assert [step.effect for step in said.rivals["mass_loading"]] == ["mass_loading", "steering_lag"]
     alone = found._replace(best=both._replace(effects=("yaw_inertia",)))
     assert search_module._with_a_load(alone, TOLERANCE, map) is alone
+
+
+def with_a_scale(**left_out: float) -> tuple[Drive, Rows, Fit, Fit]:
+    """A car of which ratio and tracks are told, and whatever came between them."""
+    one = drive({name.replace("__", "."): value for name, value in left_out.items()}, CITY_V, CITY_STEER)
+    rows, [level, both] = fits(one, (), ("track_width", "wheel_square", "steering_ratio"))
+    return one, rows, level, both
+
+
+def test_one_gyro_that_shows_less_is_likelier_than_a_ratio_and_tracks() -> None:
+    one, rows, level, both = with_a_scale(gyro_scale__z=-0.06)
+    assert both.x[INDEX["steering_ratio.scale"]] == pytest.approx(0.06, abs=0.01)
+    scaled = a_scale_instead(one, rows, level, both, TOLERANCE, map)
+    assert scaled is not None
+    # What does nothing beside it is gone, too.
+    assert scaled.fit.effects == ("gyro_scale",)
+    assert scaled.fit.x[INDEX["gyro_scale.z"]] == pytest.approx(-0.06, abs=0.003)
+    assert scaled.gain > -3.0
+    for effects in (("steering_ratio",), ("track_width",), (*both.effects, "gyro_scale")):
+        assert a_scale_instead(one, rows, level, both._replace(effects=effects), TOLERANCE, map) is None
+
+
+def test_a_ratio_and_tracks_that_are_others_are_no_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, rows, level, both = with_a_scale(steering_ratio__scale=0.08, track_width__front=0.03, track_width__rear=0.03)
+    assert a_scale_instead(one, rows, level, both, TOLERANCE, map) is None
+    one, rows, level, both = with_a_scale(gyro_scale__z=-0.06)
+    for gain, there in ((-2.9, True), (-3.1, False)):
+        monkeypatch.setattr(swaps_module, "_more", lambda *_, gain=gain: gain)
+        assert (a_scale_instead(one, rows, level, both, TOLERANCE, map) is not None) is there
+    monkeypatch.setattr(swaps_module, "_more", lambda *_: 5.0)
+    monkeypatch.setattr(swaps_module, "is_implausible", lambda *_: True)
+    assert a_scale_instead(one, rows, level, both, TOLERANCE, map) is None
+
+
+def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
+    one, rows, level, both = with_a_scale(gyro_scale__z=-0.06, imu_delay__delay_s=0.03)
+    both = fitted(one, rows, both.x, ("imu_delay", "track_width", "steering_ratio"), TOLERANCE)
+    gains = {"imu_delay": 500.0, "track_width": 300.0, "steering_ratio": 600.0}
+    found = Search(
+        one, rows, level, both, {e: (Step(e, g, both),) for e, g in gains.items()}, gains, {e: {} for e in gains}
+    )
+    said = search_module._with_a_scale(found, TOLERANCE, map)
+    assert said.best.effects == ("imu_delay", "gyro_scale")
+    assert said.gains["imu_delay"] == 500.0
+    assert said.gains["gyro_scale"] >= 900.0 - 3.0
+    assert set(said.gains) == set(said.rivals) == set(said.elsewhere) == {"imu_delay", "gyro_scale"}
+    assert [(step.effect, step.gain) for step in said.rivals["gyro_scale"]] == [
+        ("gyro_scale", said.gains["gyro_scale"])
+    ]
+    alone = found._replace(best=both._replace(effects=("imu_delay",)))
+    assert search_module._with_a_scale(alone, TOLERANCE, map) is alone
+    assert "gyro_scale" in search_module._kept(found, TOLERANCE, map).best.effects
 
 
 def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
