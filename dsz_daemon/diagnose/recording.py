@@ -24,9 +24,10 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 DT_S = 0.01
 # Gaussian: half the power at 2.2 Hz, above what a driver and a car's body do, below what pole counting adds.
 FILTER_S = 0.06
-# Noise of a steering sensor by which play would come out wider by as much as its spread, at the road wheels, and what
-# takes most of it off, half of what swings at 7 Hz.
-_FLICKER_RAD, _LIGHT = 5e-5, np.hanning(15)[1:-1] / np.sum(np.hanning(15))
+# Noise of a steering sensor by which play would come out wider by as much as its spread, at the road wheels; what takes
+# most of it off (half of what swings at 4 Hz, at 7 Hz), and how much more than noise it may take: a hand may tremble.
+_FLICKER_RAD, _NO_MORE = 5e-5, 1.3
+_LIGHT = tuple(np.hanning(n + 2)[1:-1] / np.sum(np.hanning(n + 2)) for n in (21, 13))
 # Longitudinal acceleration, measured and predicted, passes another: a speed that is differentiated is noise above
 # that, and whatever smooths a prediction (a bandwidth, a delay) would look like physics.
 ALONG_FILTER_S = 0.15
@@ -117,11 +118,18 @@ def recorded(
 
 
 def _without_flicker(steering_rad: Floats, noise_rad: float) -> Floats:
-    """The steering without so much noise of its sensor that play would follow it; a hand trembles more slowly.
+    """The steering without so much noise of its sensor that play would follow it.
 
-    At each turn of the hand the noise of all samples about it takes up play, two to three deviations of it.
+    At each turn of the hand the noise of all samples about it takes up play, two to three deviations of it. Where a
+    low-pass takes off more than noise it is a hand that trembles, of which play lets nothing through: that stays.
     """
-    return steering_rad if not noise_rad > _FLICKER_RAD else filtered(steering_rad, _LIGHT)
+    for kernel in _LIGHT if noise_rad > _FLICKER_RAD else ():
+        light = filtered(steering_rad, kernel)
+        taken = np.abs(steering_rad - light)
+        of_noise_rad = noise_rad * math.sqrt(1.0 + float(np.sum(kernel**2)) - 2.0 * float(kernel[len(kernel) // 2]))
+        if 1.4826 * np.nanmedian(taken) < _NO_MORE * of_noise_rad:
+            return light
+    return steering_rad
 
 
 def _pressed(pedal: Signal, first_ns: int, time_s: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -255,10 +256,13 @@ def test_in_another_unit_a_steerings_last_reading_is_not_its_end(
     said_of = []
     monkeypatch.setattr(api, "_where_steered", lambda drive, *_: (drive, ["its end"]))
     monkeypatch.setattr(api, "searched", lambda *_: None)
-    monkeypatch.setattr(api, "with_own_numbers", lambda *_: (None, 0.0))
-    monkeypatch.setattr(api, "answered", lambda *given: said_of.append(given[-1]))
+    monkeypatch.setattr(api, "spinning", lambda *_: ["a spin"])
+    found = SimpleNamespace(drive=None, rows=None, best=None)
+    monkeypatch.setattr(api, "with_own_numbers", lambda *_: (found, 0.0))
+    said = SimpleNamespace(causes=["something"])
+    monkeypatch.setattr(api, "answered", lambda *given: said_of.append(given[-1]) or said)
     diagnose(times(driven(), factors), CAR, RATIO)
-    assert said_of == [["its end"] if is_said else []]
+    assert said_of == [["its end", "a spin"] if is_said else ["a spin"]]
 
 
 def test_where_nothing_can_be_fitted_a_user_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
