@@ -46,7 +46,7 @@ def spinning(drive: Drive, rows: Rows, fit: Fit) -> list[Shape]:
     for c in _OTHERS:
         for first, last in _spins(drive, rows, left[:, c]):
             share = left[first : last + 1, c] / v[first : last + 1]
-            most = float(share[np.argmax(np.abs(share))])
+            most = float(share[np.nanargmax(np.abs(share))])
             std = float(fit.scatter.min(axis=0)[c]) / float(np.min(v[first : last + 1]))
             shape = f"k*vx from {t_s[first]:.1f} to {t_s[last]:.1f} s"
             found.append(Shape(names[c], shape, Coefficient(most, std, "(m/s)/(m/s)"), (last - first) / len(t_s)))

@@ -11,11 +11,14 @@ from test_diagnose_choices import N, T
 
 from dsz_daemon.diagnose import Diagnosed, diagnose
 from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import vocabulary
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.prediction import Floats, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import Recording
 from dsz_daemon.diagnose.said import Diagnosis
+from dsz_daemon.diagnose.spinning import rolling_rows, spinning
 from dsz_daemon.pipeline.grid import Signal
 
 RATIO = 16.0
@@ -69,6 +72,19 @@ def test_wheels_that_are_faster_while_a_car_slows_or_a_little_or_for_a_moment_do
         found = said_of(np.asarray(share))
         assert not any(" from " in shape.shape for shape in found.said.unlisted)
         assert found.search.rows.used[:, 6:8].mean() > 0.9
+
+
+def test_what_is_missing_while_a_wheel_spins_is_no_number() -> None:
+    recording = Recording(T, HAND / RATIO, np.tile(V[:, None], (1, 4)), np.zeros((N, 6)), np.full(10, 1e-3))
+    drive = drive_of(recording, TUCSON, RATIO)
+    shown = predicted(drive, nothing(), flat(N))
+    shown[:, 6] += 0.2 * V * GAINS
+    shown[(np.abs(T - 5.0) < 0.1), 6] = np.nan
+    drive = drive._replace(measured=shown)
+    rows = rows_of(drive)
+    shapes = spinning(drive, rows, fitted(drive, rolling_rows(drive, rows), nothing(), (), {}))
+    assert {shape.channel for shape in shapes} == {"wheel_speed_fl"}
+    assert all(shape.coefficient.value == pytest.approx(0.2, abs=0.02) for shape in shapes)
 
 
 def test_a_slip_that_goes_with_the_force_is_one_however_large() -> None:
