@@ -44,6 +44,7 @@ _UNFELT = 0.5
 _TOLD = 2.0
 # And two together, by their ellipse (chi squared, one in a thousand).
 _TOLD_TOGETHER = 13.8
+# So little of any unit is nothing.
 _NOTHING = 1e-9
 # Who and what a configured car may be without (1 spread).
 _MAY_BE_MISSING_KG = 100.0

@@ -118,10 +118,11 @@ def a_scale_instead(
     start[[i for effect in _A_SCALES for i in drive.vocabulary.columns_of(effect)]] = 0.0
     effects = (*(one for one in best.effects if one not in _A_SCALES), _SCALE)
     there = fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
-    if _more(drive, nominal, best, there) < -_ALIKE or is_implausible(drive, rows, there, _SCALE):
+    if (gain := _more(drive, nominal, best, there)) < -_ALIKE or is_implausible(drive, rows, there, _SCALE):
         return None
     for effect in effects[:-1]:
         rest = without(drive, rows, there, tolerance, (effect,), each)
-        if gained(drive, rest, there) < LEAST_GAIN:
-            there = rest
-    return Step(_SCALE, _more(drive, nominal, best, there), there)
+        more = _more(drive, nominal, best, rest)
+        if gained(drive, rest, there) < LEAST_GAIN and more > -_ALIKE:
+            there, gain = rest, more
+    return Step(_SCALE, gain, there)

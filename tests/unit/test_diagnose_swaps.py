@@ -321,6 +321,11 @@ def test_a_ratio_and_tracks_that_are_others_are_no_scale(monkeypatch: pytest.Mon
     for gain, there in ((-2.9, True), (-3.1, False)):
         monkeypatch.setattr(swaps_module, "_more", lambda *_, gain=gain: gain)
         assert (a_scale_instead(one, rows, level, both, TOLERANCE, map) is not None) is there
+    # Nor has all that gains little beside it to go, if together it is as much as both.
+    monkeypatch.setattr(swaps_module, "_more", lambda *given: 0.0 if "wheel_square" in given[3].effects else -3.1)
+    kept = a_scale_instead(one, rows, level, both, TOLERANCE, map)
+    assert kept is not None
+    assert (kept.fit.effects, kept.gain) == (("wheel_square", "gyro_scale"), 0.0)
     monkeypatch.setattr(swaps_module, "_more", lambda *_: 5.0)
     monkeypatch.setattr(swaps_module, "is_implausible", lambda *_: True)
     assert a_scale_instead(one, rows, level, both, TOLERANCE, map) is None
