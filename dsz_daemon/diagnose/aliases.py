@@ -11,10 +11,10 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fit import SAME_TURN, Fit
+from dsz_daemon.diagnose.instruments import rate_of
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.prediction import Drive, Floats
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.rolling import rate_of
 from dsz_daemon.diagnose.search import Search
 from dsz_daemon.diagnose.trials import Step
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2

@@ -7,28 +7,58 @@ off by less than a rounding of the last digit or two; beyond, the library's own 
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from dsz_daemon.compiled import compiled
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 SMALL_RAD = 0.1
 
 
 @compiled
-def sin_of(angle_rad: float) -> float:
+def _sin_of_small(angle_rad: float) -> float:
     """The sine: x - x^3/3! + x^5/5! - x^7/7! + x^9/9!."""
-    if abs(angle_rad) > SMALL_RAD:
-        return math.sin(angle_rad)
     y = angle_rad * angle_rad
     return angle_rad * (1.0 - y * (1.0 / 6.0 - y * (1.0 / 120.0 - y * (1.0 / 5040.0 - y * (1.0 / 362880.0)))))
 
 
 @compiled
-def cos_of(angle_rad: float) -> float:
+def _cos_of_small(angle_rad: float) -> float:
     """The cosine: 1 - x^2/2! + x^4/4! - x^6/6! + x^8/8!."""
-    if abs(angle_rad) > SMALL_RAD:
-        return math.cos(angle_rad)
     y = angle_rad * angle_rad
     return 1.0 - y * (0.5 - y * (1.0 / 24.0 - y * (1.0 / 720.0 - y * (1.0 / 40320.0))))
+
+
+@compiled
+def sin_of(angle_rad: float) -> float:
+    """The sine of an angle."""
+    return math.sin(angle_rad) if abs(angle_rad) > SMALL_RAD else _sin_of_small(angle_rad)
+
+
+@compiled
+def cos_of(angle_rad: float) -> float:
+    """The cosine of an angle."""
+    return math.cos(angle_rad) if abs(angle_rad) > SMALL_RAD else _cos_of_small(angle_rad)
+
+
+@compiled
+def cos_sin_of(angles_rad: Floats) -> tuple[Floats, Floats]:
+    """Cosines and sines (n,) of angles (n,). Where all are small nothing is asked of each: several are done at once."""
+    cos, sin, most = np.empty(len(angles_rad)), np.empty(len(angles_rad)), 0.0
+    for i in range(len(angles_rad)):
+        most = max(most, abs(angles_rad[i]))
+    if most > SMALL_RAD:
+        for i in range(len(angles_rad)):
+            cos[i], sin[i] = cos_of(angles_rad[i]), sin_of(angles_rad[i])
+    else:
+        for i in range(len(angles_rad)):
+            cos[i] = _cos_of_small(angles_rad[i])
+        for i in range(len(angles_rad)):
+            sin[i] = _sin_of_small(angles_rad[i])
+    return cos, sin
 
 
 @compiled
@@ -38,7 +68,21 @@ def drawn(angle_rad: float, small: float, unturned: float) -> tuple[float, float
     Of a wheel that is drawn as if it were turned by less: by the share `unturned`.
     """
     angle_rad *= 1.0 - unturned
-    cos, sin = cos_of(angle_rad), sin_of(angle_rad)
+    return _drawn_small(cos_of(angle_rad), sin_of(angle_rad), angle_rad, small)
+
+
+@compiled
+def all_drawn(angles_rad: Floats, small: float, unturned: float) -> tuple[Floats, Floats]:
+    """`drawn` of each of the angles (n,)."""
+    turned = angles_rad * (1.0 - unturned)
+    cos, sin = cos_sin_of(turned)
+    for i in range(len(turned)):
+        cos[i], sin[i] = _drawn_small(cos[i], sin[i], turned[i], small)
+    return cos, sin
+
+
+@compiled
+def _drawn_small(cos: float, sin: float, angle_rad: float, small: float) -> tuple[float, float]:
     return cos + small * (1.0 - cos), sin + small * (angle_rad - sin)
 
 
@@ -53,6 +97,17 @@ def at_a_side(cos: float, sin: float, nearer: float) -> tuple[float, float]:
     along = cos - nearer * sin
     by = math.sqrt((cos * cos + sin * sin) / (along * along + sin * sin))
     return along * by, sin * by
+
+
+@compiled
+def all_at_a_side(cos: Floats, sin: Floats, nearer: float) -> tuple[Floats, Floats]:
+    """`at_a_side` of each cosine and sine (n,)."""
+    if nearer == 0.0:
+        return cos, sin
+    along, across = np.empty(len(cos)), np.empty(len(cos))
+    for i in range(len(cos)):
+        along[i], across[i] = at_a_side(cos[i], sin[i], nearer)
+    return along, across
 
 
 @compiled

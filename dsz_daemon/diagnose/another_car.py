@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.answer import parameter_errors
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import SAME_TURN, Fit, fitted
+from dsz_daemon.diagnose.fit import OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import far_off, gained
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive
 from dsz_daemon.diagnose.search import Progress, Search, searched
@@ -39,6 +39,8 @@ _OF_WHEELS = tuple(CHANNELS.index(f"wheel_{which}") for which in ("other_left", 
 _TRACKS = frozenset({"front_track_m", "rear_track_m"})
 # Numbers that take no name's place have to gain so much of what names did.
 _SHARE = 0.05
+# In log likelihood, by a model's own spreads: what is there by so much does not gain nothing when it is fitted without.
+_SURELY = 20.0 * LEAST_GAIN
 
 
 def with_own_numbers(
@@ -66,7 +68,8 @@ def with_own_numbers(
         return worth(surely_without(found.drive, found.rows, with_names, room, name, known, worth)) < 0.0
 
     enough = max(LEAST_GAIN, _SHARE * sum(found.gains.values()))
-    if gain < enough and not any(each(is_idle, sorted(beside - {_PLACE}))):
+    may_be_idle = sorted(name for name in beside - {_PLACE} if not _is_surely_there(found.drive, with_names, name))
+    if gain < enough and not any(each(is_idle, may_be_idle)):
         return found, 0.0
     if say is not None:
         say("all numbers of the car at once explain more than names do")
@@ -89,3 +92,12 @@ def with_own_numbers(
     nominal = np.zeros(len(anew.nominal.x))
     nominal[:built_in] = found.nominal.x[:built_in]
     return anew._replace(nominal=found.nominal._replace(x=nominal)), gained(anew.drive, held, anew.best)
+
+
+def _is_surely_there(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether the effect's parameters are nothing but 0 by far, all else free; of a road or a wind nobody asks."""
+    places = [fit.columns.index(i) for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
+    if effect in OWN_CHANNEL or not places:
+        return False
+    values, covariance = fit.x[[fit.columns[place] for place in places]], fit.covariance[np.ix_(places, places)]
+    return bool(0.5 * values @ np.linalg.lstsq(covariance, values, rcond=None)[0] > _SURELY)

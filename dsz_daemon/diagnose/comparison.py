@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.effects import OFFSETS
 from dsz_daemon.diagnose.prediction import (
     CHANNELS,
     ROLL,
+    SHOWN,
     Drive,
     Floats,
     Profiles,
@@ -286,9 +287,9 @@ def sensitivities(
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        if felt is not None and felt.changes_with(effect):
+        if felt is not None and felt.changes_with(effect or parameter.name):
             there = predicted(drive, moved, felt(moved))
-        elif touches.get(effect, CAR) == SENSORS:
+        elif i in SHOWN or touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)
         else:
             there = predicted(drive, moved, road, None if rolls & {effect, parameter.name} else moving.rolling)

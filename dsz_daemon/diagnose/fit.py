@@ -11,6 +11,7 @@ import numpy as np
 from dsz_daemon.diagnose.comparison import Each, Rows, floors, noises, sensitivities
 from dsz_daemon.diagnose.correlation import correlated_rows
 from dsz_daemon.diagnose.descent import Place, Slope, descended
+from dsz_daemon.diagnose.dives import noise_of_a_dive
 from dsz_daemon.diagnose.drawings import told
 from dsz_daemon.diagnose.effect_row import CAR, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, FORM, GUESSED, INDEX, NUISANCES, OFFSETS, TOLERATED
@@ -19,7 +20,7 @@ from dsz_daemon.diagnose.limits import limits_read_off, room_of_limits
 from dsz_daemon.diagnose.loads import LOAD, between_ends
 from dsz_daemon.diagnose.mounts import IN_A_BODY_M, MOUNT, TURNED, as_drawn_rad, untold_turns
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Profiles, flat, predicted
-from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.profiles import Felt, undrawn
 from dsz_daemon.diagnose.pulls import BY_FORCE, offset_by_a_pull_rad
 from dsz_daemon.diagnose.recording import DT_S
 from dsz_daemon.diagnose.rolling import tells_engine_from_brakes
@@ -69,7 +70,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
-_SMALL_TURNS, _FLAT_ROADS, _ENGINE = (INDEX[n] for n in ("small_turns", "flat_roads", "wheel_slip.engine_brakes_mps2"))
+_SMALL_TURNS, _ENGINE = (INDEX[name] for name in ("small_turns", "wheel_slip.engine_brakes_mps2"))
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
@@ -200,7 +201,7 @@ def fitted(
     words = drive.vocabulary
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
-    hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | (set() if TILTS & set(effects) else {_FLAT_ROADS})
+    hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | undrawn(effects)
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     hidden |= told(start) | (set() if tells_engine_from_brakes(drive.wheels) else {_ENGINE})
     first = [i for i in nuisances(tolerance) if i not in hidden]
@@ -215,6 +216,7 @@ def fitted(
     x = start.copy()
     moments = [i for i, column in enumerate(words.columns) if column in MOMENTS]
     x[moments] = np.minimum(x[moments], len(drive.steer) * DT_S)
+    x[[*undrawn(effects)]] = 0.0
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in _INSTEAD_OF.get(effect, {}).items():
@@ -351,7 +353,7 @@ def _form(drive: Drive, rows: Rows, x: Floats, effects: tuple[str, ...], base: F
     rms = np.sqrt(np.sum(change**2, axis=0) / count)
     share = np.full(len(rms), _GRIP_FORM if GRIP & set(effects) else _EFFECT_FORM)
     share[[CHANNELS.index(channel) for channel in with_shapes(effects)]] = _SHAPE_FORM
-    found = np.hypot(rows.form, share * rms)
+    found = np.hypot(np.hypot(rows.form, share * rms), noise_of_a_dive(drive, x))
     if TILTS & set(effects):
         # A road that a gyro has felt has the gyro's noise in it, and -q v shows it.
         noise = float(np.nan_to_num(floors(drive)[1])) * float(np.sqrt(np.mean(drive.wheels**2)))

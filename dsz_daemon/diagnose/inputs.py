@@ -14,8 +14,9 @@ import numpy as np
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import EVERY
 from dsz_daemon.diagnose.correlation import correlated_rows
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Ints, flat, nothing, predicted, smoothed
+from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats, Ints, flat, nothing, predicted
 from dsz_daemon.diagnose.recording import filter_kernel, filtered
+from dsz_daemon.diagnose.slow_sensors import smoothed
 from dsz_daemon.signals import IMU_CHANNELS
 
 # A stable car turns no more than so many times as much as one that steers neutrally, v/L: more is a car that spins.

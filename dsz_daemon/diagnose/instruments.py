@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsz_daemon.compiled import compiled
-from dsz_daemon.diagnose.angles import at_a_side, cos_of, drawn, sin_of
+from dsz_daemon.diagnose.angles import all_at_a_side, all_drawn, cos_sin_of
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -20,11 +20,17 @@ _PIECE = 256
 
 
 @compiled
-def slope_at(values: Floats, i: int, dt_s: float) -> float:
-    """The values' rate of change at i: central, at the ends one-sided."""
+def rate_of(values: Floats, dt_s: float) -> Floats:
+    """The values' rate of change (n,): central, at the ends one-sided."""
     n = len(values)
-    before, after = max(i - 1, 0), min(i + 1, n - 1)
-    return float((values[after] - values[before]) / (dt_s * (after - before)))
+    found = np.zeros(n)
+    if n < 2:
+        return found
+    found[0], found[n - 1] = (values[1] - values[0]) / dt_s, (values[n - 1] - values[n - 2]) / dt_s
+    per_s = 1.0 / (2.0 * dt_s)
+    for i in range(1, n - 1):
+        found[i] = (values[i + 1] - values[i - 1]) * per_s
+    return found
 
 
 @compiled
@@ -42,6 +48,7 @@ def felt(
     dt_s: float,
     small_turns: float = 0.0,
     flat_roads: float = 0.0,
+    flat_bends: float = 0.0,
 ) -> Floats:
     """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., which is `body_m` (3,) from what the body leans about.
 
@@ -49,47 +56,56 @@ def felt(
 
     Of motion (n, 12), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces. `small_turns`: of a body drawn for small angles (1) the vertical shows
-    nothing of what it leans by; `flat_roads`: of a road drawn as a tilt alone (1) nothing of how the car follows it.
+    nothing of what it leans by; `flat_roads`: of a road drawn as a tilt alone (1) nothing of how the car follows it;
+    `flat_bends`: of one whose tilts stay as they are as the car turns (1) the gyros show nothing of its turn.
     """
     n = len(v_mps)
-    p, q, p_roads, q_roads = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    vy, r, r_rate, across = moved[:, 0], moved[:, 1], moved[:, 2], moved[:, 3]
+    lean, lean_rate, dive, dive_rate = moved[:, 5], moved[:, 6], moved[:, 7], moved[:, 8]
+    # Euler rates to body rates, first order in the angles; the body's lean turns with the car.
+    p_roads, q_roads = rate_of(bank_rad, dt_s), rate_of(grade_rad, dt_s)
+    p, q, roll, pitch, turns_too = np.empty(n), np.empty(n), np.empty(n), np.empty(n), 1.0 - flat_bends
     for i in range(n):
-        row, before, after = moved[i], max(i - 1, 0), min(i + 1, n - 1)
-        r, per_s = row[1], 1.0 / (dt_s * (after - before))
-        # Euler rates to body rates, first order in the angles; the body's lean turns with the car.
-        p_roads[i] = (bank_rad[after] - bank_rad[before]) * per_s + r * grade_rad[i]
-        q_roads[i] = (grade_rad[before] - grade_rad[after]) * per_s + r * bank_rad[i]
-        p[i], q[i] = p_roads[i] + row[6] - r * row[7], q_roads[i] + row[8] + r * row[5]
+        p_roads[i] += turns_too * r[i] * grade_rad[i]
+        q_roads[i] = turns_too * r[i] * bank_rad[i] - q_roads[i]
+        p[i] = p_roads[i] + lean_rate[i] - r[i] * dive[i]
+        q[i] = q_roads[i] + dive_rate[i] + r[i] * lean[i]
+        roll[i], pitch[i] = bank_rad[i] + lean[i], dive[i] - grade_rad[i]
+    p_rate, q_rate, rolling, diving = (
+        rate_of(p, dt_s),
+        rate_of(q, dt_s),
+        rate_of(lean_rate, dt_s),
+        rate_of(dive_rate, dt_s),
+    )
+    (cos_lean, sin_lean), (cos_dive, sin_dive) = cos_sin_of(lean), cos_sin_of(dive)
+    (cos_roll, sin_roll), (cos_pitch, sin_pitch) = cos_sin_of(roll), cos_sin_of(pitch)
     x, y, z = lever_m[0], lever_m[1], lever_m[2]
-    shown = np.empty((n, 6))
-    rate, force = np.empty(3), np.empty(3)
+    force_x, force_y, force_z = np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
-        row, before, after = moved[i], max(i - 1, 0), min(i + 1, n - 1)
-        per_s = 1.0 / (dt_s * (after - before))
-        vy, r, r_rate, across, lean, dive = row[0], row[1], row[2], row[3], row[5], row[7]
         # Along the road's own axes first; the body is turned against these by its lean and its dive.
-        along = v_rate[i] - r * vy
-        roll, pitch = bank_rad[i] + lean, dive - grade_rad[i]
-        ax = along * cos_of(dive) - G * sin_of(pitch)
-        ay = across * cos_of(lean) + G * sin_of(roll)
-        az = (1.0 - flat_roads) * (p_roads[i] * vy - q_roads[i] * v_mps[i]) + G * cos_of(roll) * cos_of(pitch)
-        az += (1.0 - small_turns) * (along * sin_of(dive) - across * sin_of(lean))
-        p_rate, q_rate = (p[after] - p[before]) * per_s, (q[after] - q[before]) * per_s
-        rolling, diving = (moved[after, 6] - moved[before, 6]) * per_s, (moved[after, 8] - moved[before, 8]) * per_s
-        ax += body_m[1] * diving
-        ay -= body_m[0] * rolling
-        az -= body_m[2] * diving
-        rate[0], rate[1], rate[2] = p[i], q[i], r
-        force[0] = ax - (q[i] * q[i] + r * r) * x + (p[i] * q[i] - r_rate) * y + (p[i] * r + q_rate) * z
-        force[1] = ay + (p[i] * q[i] + r_rate) * x - (p[i] * p[i] + r * r) * y + (q[i] * r - p_rate) * z
-        force[2] = az + (p[i] * r - q_rate) * x + (q[i] * r + p_rate) * y - (p[i] * p[i] + q[i] * q[i]) * z
-        for k in range(3):
-            turned, pulled = 0.0, 0.0
-            for j in range(3):
-                turned += rates_of_rates[k, j] * rate[j] + rates_of_forces[k, j] * force[j]
-                pulled += forces_of_forces[k, j] * force[j]
-            shown[i, k], shown[i, 3 + k] = turned, pulled
-    return shown
+        along = v_rate[i] - r[i] * vy[i]
+        ax = along * cos_dive[i] - G * sin_pitch[i]
+        ay = across[i] * cos_lean[i] + G * sin_roll[i]
+        az = (1.0 - flat_roads) * (p_roads[i] * vy[i] - q_roads[i] * v_mps[i]) + G * cos_roll[i] * cos_pitch[i]
+        az += (1.0 - small_turns) * (along * sin_dive[i] - across[i] * sin_lean[i])
+        ax += body_m[1] * diving[i]
+        ay -= body_m[0] * rolling[i]
+        az -= body_m[2] * diving[i]
+        pp, qq, rr, pq, pr, qr = p[i] * p[i], q[i] * q[i], r[i] * r[i], p[i] * q[i], p[i] * r[i], q[i] * r[i]
+        force_x[i] = ax - (qq + rr) * x + (pq - r_rate[i]) * y + (pr + q_rate[i]) * z
+        force_y[i] = ay + (pq + r_rate[i]) * x - (pp + rr) * y + (qr - p_rate[i]) * z
+        force_z[i] = az + (pr - q_rate[i]) * x + (qr + p_rate[i]) * y - (pp + qq) * z
+    shown = np.empty((6, n))
+    for k in range(3):
+        of_p, of_q, of_r = rates_of_rates[k, 0], rates_of_rates[k, 1], rates_of_rates[k, 2]
+        by_x, by_y, by_z = rates_of_forces[k, 0], rates_of_forces[k, 1], rates_of_forces[k, 2]
+        of_x, of_y, of_z = forces_of_forces[k, 0], forces_of_forces[k, 1], forces_of_forces[k, 2]
+        for i in range(n):
+            turned = of_p * p[i] + of_q * q[i] + of_r * r[i]
+            shown[k, i] = turned + by_x * force_x[i] + by_y * force_y[i] + by_z * force_z[i]
+        for i in range(n):
+            shown[3 + k, i] = of_x * force_x[i] + of_y * force_y[i] + of_z * force_z[i]
+    return shown.T
 
 
 @compiled
@@ -133,11 +149,13 @@ def add_offsets(reads: Floats, offsets: Floats, drifts: Floats, fades_per_s: flo
     The first of them are the fastest, or the last: at the time t the rate has gone down by exp(-`fades_per_s` t).
     """
     n = len(reads)
-    middle_s = drifted_s(0.5 * n * dt_s, n * dt_s, fades_per_s)
+    middle_s, time_s = drifted_s(0.5 * n * dt_s, n * dt_s, fades_per_s), np.empty(n)
     for i in range(n):
-        time_s = drifted_s(dt_s * i, n * dt_s, fades_per_s) - middle_s
-        for c in range(reads.shape[1]):
-            reads[i, c] += offsets[c] + time_s * drifts[c]
+        time_s[i] = drifted_s(dt_s * i, n * dt_s, fades_per_s) - middle_s
+    for c in range(reads.shape[1]):
+        offset, drift = offsets[c], drifts[c]
+        for i in range(n):
+            reads[i, c] += offset + time_s[i] * drift
 
 
 @compiled
@@ -170,22 +188,25 @@ def rolled(
 
     The inner wheel of an axle carries less, and slips more by the same force: m a h / t of m g / 2 each.
     """
-    per_mps2 = 2.0 * load_height_m / G
-    shown = np.empty((len(v_mps), 4))
+    vy, yaw_rate, side, delta = moved[:, 0], moved[:, 1], moved[:, 3], moved[:, 9]
+    cos, sin = all_drawn(delta, small, unturned)
+    (left_cos, left_sin), (right_cos, right_sin) = all_at_a_side(cos, sin, nearer), all_at_a_side(cos, sin, -nearer)
+    front_per_mps2 = 2.0 * load_height_m / (G * front_track_m)
+    rear_per_mps2 = 2.0 * load_height_m / (G * rear_track_m)
+    per_radius = 1.0 / radii
+    shown = np.empty((4, len(v_mps)))
     for i in range(len(v_mps)):
-        row = moved[i]
-        v, r, delta = v_mps[i], row[1], row[9]
-        cos, sin = drawn(delta, small, unturned)
-        (left_cos, left_sin), (right_cos, right_sin) = at_a_side(cos, sin, nearer), at_a_side(cos, sin, -nearer)
-        across = row[0] + cg_to_front_axle_m * r
+        v, r = v_mps[i], yaw_rate[i]
+        across = vy[i] + cg_to_front_axle_m * r
         front, rear = 0.5 * r * front_track_m, 0.5 * r * rear_track_m
-        moved_front, moved_rear = per_mps2 * row[3] / front_track_m, per_mps2 * row[3] / rear_track_m
-        left, right = (v - front) * left_cos + across * left_sin, (v + front) * right_cos + across * right_sin
-        shown[i, 0] = left * (1.0 + front_slip[i] * (1.0 + moved_front)) / radii[0]
-        shown[i, 1] = right * (1.0 + front_slip[i] * (1.0 - moved_front)) / radii[1]
-        shown[i, 2] = (v - rear) * (1.0 + rear_slip[i] * (1.0 + moved_rear)) / radii[2]
-        shown[i, 3] = (v + rear) * (1.0 + rear_slip[i] * (1.0 - moved_rear)) / radii[3]
-    return shown
+        moved_front, moved_rear = front_per_mps2 * side[i], rear_per_mps2 * side[i]
+        left = (v - front) * left_cos[i] + across * left_sin[i]
+        right = (v + front) * right_cos[i] + across * right_sin[i]
+        shown[0, i] = left * (1.0 + front_slip[i] * (1.0 + moved_front)) * per_radius[0]
+        shown[1, i] = right * (1.0 + front_slip[i] * (1.0 - moved_front)) * per_radius[1]
+        shown[2, i] = (v - rear) * (1.0 + rear_slip[i] * (1.0 + moved_rear)) * per_radius[2]
+        shown[3, i] = (v + rear) * (1.0 + rear_slip[i] * (1.0 - moved_rear)) * per_radius[3]
+    return shown.T
 
 
 @compiled
@@ -213,11 +234,10 @@ def low_passed(values: Floats, kernel: Floats) -> Floats:
 @compiled
 def side_by_side(reads: Floats, wheels: Floats, moved: Floats, v_mps: Floats, grade_rad: Floats) -> Floats:
     """All channels (n, 13): the IMU's (n, 6), what is compared of the wheels (n, 3), v, v_y, r and grade."""
-    shown = np.empty((len(v_mps), 13))
-    for i in range(len(v_mps)):
-        for c in range(6):
-            shown[i, c] = reads[i, c]
-        for c in range(3):
-            shown[i, 6 + c] = wheels[i, c]
-        shown[i, 9], shown[i, 10], shown[i, 11], shown[i, 12] = v_mps[i], moved[i, 0], moved[i, 1], grade_rad[i]
-    return shown
+    shown = np.empty((13, len(v_mps)))
+    for c in range(6):
+        shown[c] = reads[:, c]
+    for c in range(3):
+        shown[6 + c] = wheels[:, c]
+    shown[9], shown[10], shown[11], shown[12] = v_mps, moved[:, 0], moved[:, 1], grade_rad
+    return shown.T

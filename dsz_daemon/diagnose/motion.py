@@ -141,7 +141,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     front_load = car.mass_kg * G * lr / (lf + lr)
     rear_load = car.mass_kg * G * lf / (lf + lr)
-    rows = np.empty((len(v_mps), 12))
+    rows = np.empty((12, len(v_mps)))
     by_front = len(front_mps) > 0
     vy, r, front, rear, ay, r_rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     # The body has come to rest on its springs when a recording begins.
@@ -198,16 +198,15 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             ay = (rear + outside + scrub_n + steered + pushes[i, 0]) * per_kg
             turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear * lr + steered * lf + pushes[i, 1]
             r_rate = turning * per_kgm2
-        row = rows[i]
         # A hasty simulation shows the force of this moment's steering on motion that is half a step behind it.
         ahead = 0.0
         if v >= ROLLING_MPS:
             turned = steer_rad[min(i + 1, len(v_mps) - 1)] - steer_rad[max(i - 1, 0)]
             ahead = car.front_stiffness * car.hasty_s * turned / (2.0 * dt_s)
-        row[0], row[1], row[4] = vy, r, front
-        row[2], row[3] = r_rate + ahead * lf * per_kgm2, ay + ahead * per_kg
-        row[5], row[6], row[7], row[8], row[9] = roll, roll_rate, pitch, pitch_rate, delta
-        row[10], row[11] = v, ay - pulled_mps2
+        rows[0, i], rows[1, i], rows[4, i] = vy, r, front
+        rows[2, i], rows[3, i] = r_rate + ahead * lf * per_kgm2, ay + ahead * per_kg
+        rows[5, i], rows[6, i], rows[7, i], rows[8, i], rows[9, i] = roll, roll_rate, pitch, pitch_rate, delta
+        rows[10, i], rows[11, i] = v, ay - pulled_mps2
         # The body on its springs, to the next row.
         swung = roll_rate
         lean = car.roll_gradient * ((1.0 - lean_share) * (ay - pulled_mps2) + lean_mps2[i])
@@ -247,4 +246,4 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         vy += dt_s * ((rear_mid + outside + scrub_n + steered + pushes[i, 0]) * per_kg - r_mid * v_mid)
         turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear_mid * lr + steered * lf + pushes[i, 1]
         r += dt_s * turning * per_kgm2
-    return rows
+    return rows.T

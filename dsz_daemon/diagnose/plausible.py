@@ -50,6 +50,9 @@ _NOTHING = 1e-9
 _MAY_BE_MISSING_KG = 100.0
 # A load is one that weighs something, by so many spreads.
 _WEIGHS, _WEIGHT = 1.5, INDEX[f"{LOAD}.added_mass_kg"]
+# Two leaks are there from so many spreads on, and opposite up to so many.
+_LEAKS = INDEX["accel_cross_axis.xy"], INDEX["accel_cross_axis.yx"]
+_SURELY_LEAKS, _OPPOSITE = 3.0, 2.0
 _OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
@@ -137,6 +140,15 @@ def odds_against_less(fit: Fit) -> float:
     """How unlikely so much less than configured on board is to begin with, in log likelihood: who weighs a car does."""
     missing_kg = max(-float(fit.x[_WEIGHT]), 0.0) if _WEIGHT in fit.columns else 0.0
     return 0.5 * (missing_kg / _MAY_BE_MISSING_KG) ** 2
+
+
+def are_one_turn(fit: Fit) -> bool:
+    """Whether two accelerometers leak into each other by as much the other way, as those of a turned mount do."""
+    if not set(_LEAKS) <= set(fit.columns):
+        return False
+    values, spreads = fit.x[list(_LEAKS)], fit.std[[fit.columns.index(i) for i in _LEAKS]]
+    are_there = bool((np.abs(values) > _SURELY_LEAKS * spreads).all())
+    return are_there and abs(float(values.sum())) < _OPPOSITE * float(np.hypot(*spreads))
 
 
 def _are_told(drive: Drive, fit: Fit, there: Sequence[int]) -> bool:

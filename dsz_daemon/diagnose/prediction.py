@@ -10,13 +10,23 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.effect_row import Motion, Parameter
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX, KNOTS, Vocabulary
-from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, followed, low_passed, rolled, side_by_side
+from dsz_daemon.diagnose.instruments import (
+    add_offsets,
+    delayed,
+    felt,
+    followed,
+    low_passed,
+    rate_of,
+    rolled,
+    side_by_side,
+)
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.own_courses import pushed_by, turned_by
 from dsz_daemon.diagnose.play import geared, lost_in_play
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
-from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rate_of, rolling
+from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rolling
+from dsz_daemon.diagnose.slow_sensors import smoothed
 from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll, locks_in_front
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
@@ -58,12 +68,12 @@ _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns)
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
 _LIFT = INDEX["nose_lift.rad_per_v2"]
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
-_SMALL_TURNS, _AS_DRAWN = INDEX["small_turns"], _places("", "small_turns flat_roads")
+_SMALL_TURNS, _AS_DRAWN = INDEX["small_turns"], _places("", "small_turns flat_roads flat_bends")
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
+# What instruments alone make of the motion, though the effects that have these move the car, too.
+SHOWN = frozenset([*_BODY.tolist(), *_AS_DRAWN.tolist()])
 _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
 _RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
-_FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.delay_s"]
-_CLOCK, _LATER = INDEX["imu_clock.late_s"], INDEX["imu_clock.per_s"]
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
@@ -303,7 +313,7 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
     out = side_by_side(reads, moving.wheels, moving.moved, moving.v_mps, moving.road.grade_rad)
     _clip(drive, x, out)
     _add_own(drive, x, moving, out)
-    out[:, ALONG] = low_passed(np.ascontiguousarray(out[:, ALONG]), ALONG_KERNEL)
+    out[:, ALONG] = low_passed(out[:, ALONG], ALONG_KERNEL)
     return out
 
 
@@ -346,7 +356,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
     """The IMU's readings (n, 6); the C.G. is `ahead_m` less far from the front axle than it is configured."""
     m = moving.moved
     if (lift := float(x[_LIFT])) != 0.0:
-        m = m.copy()
+        m = m.copy(order="F")
         m[:, motion.PITCH] -= lift * moving.v_mps**2
         m[:, motion.PITCH_RATE] -= 2.0 * lift * moving.v_mps * moving.v_rate
     reads: Floats = felt(
@@ -378,21 +388,6 @@ def gyros_of(x: Floats) -> tuple[Floats, Floats]:
     """What the gyros show of the car's rates, and of the forces that the IMU feels (3, 3)."""
     turn = _turned(x)
     return (_ONES + x[_RATES_OF_RATES]) @ turn, x[_RATES_OF_FORCES] @ turn
-
-
-def smoothed(reads: Floats, x: Floats) -> Floats:
-    """Readings (n, c) of sensors that follow slowly, and are late: from the middle of the time on by more, or less."""
-    if x[_FOLLOWS] > 0.0:
-        reads = followed(reads, float(x[_FOLLOWS]), DT_S)
-    late_s, later = float(x[_LATE] + x[_CLOCK]), float(x[_LATER])
-    return delayed(reads, late_s, DT_S, later) if late_s != 0.0 or later != 0.0 else reads
-
-
-def in_time(told: Floats, x: Floats) -> Floats:
-    """What there was (n,), of what an IMU told that is late and follows slowly: T y' = x - y."""
-    slowly_s = float(x[_FOLLOWS])
-    there = told + slowly_s * np.gradient(told, DT_S) if slowly_s > 0.0 else told
-    return earlier(there, float(x[_LATE]))
 
 
 def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:

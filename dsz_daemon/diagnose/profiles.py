@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from copy import copy
 from typing import Any
 
@@ -20,13 +21,13 @@ from dsz_daemon.diagnose.prediction import (
     correction,
     flat,
     gyros_of,
-    in_time,
     of_roll,
     predicted,
     rolls_of,
 )
 from dsz_daemon.diagnose.recording import DT_S, filtered, sharp_kernel
 from dsz_daemon.diagnose.rolling import Rolling
+from dsz_daemon.diagnose.slow_sensors import in_time
 from dsz_daemon.diagnose.unfelt_banks import bank_by_the_turn, is_unfelt
 from dsz_daemon.diagnose.unfelt_grades import Climb, climbs_unfelt
 from dsz_daemon.diagnose.winds import AGAIN, ROUNDS, by_the_lean, with_wind, with_wind_that_leans
@@ -38,6 +39,8 @@ _ACROSS = 4
 # All of a road passes that bends up and down within two seconds.
 _ROAD_KERNEL = sharp_kernel(1.5)
 _TILTS, _WIND = ("road_bank", "road_grade"), "side_wind"
+# How a road is drawn: its tilts turn into each other as the car turns, or stay.
+_FLAT_BENDS = "flat_bends"
 # What makes another road of what the roll and pitch gyros show, and what tells of anything later than it was.
 _TURN_THE_GYROS = frozenset(
     {"imu_misalignment", "gyro_scale", "gyro_cross_axis", "gyro_g_sensitivity", "bias_drift"}
@@ -127,7 +130,7 @@ class Felt:
             return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
-        if effect in _TILTS:
+        if effect in (*_TILTS, _FLAT_BENDS):
             return self._is_tilted_twice
         return self.is_tilted and effect in _TURN_THE_GYROS
 
@@ -225,17 +228,31 @@ class Felt:
         return self._rolled[1]
 
 
+def undrawn(effects: Collection[str]) -> set[int]:
+    """Of how a road is drawn what is not asked beside these effects.
+
+    Whether tilts turn into each other is asked of a bank alone: where there are two, and one of them is not in the
+    model yet, what that does would be taken for it.
+    """
+    tilts = set(_TILTS) & set(effects)
+    asked = {"flat_roads"} if tilts else set[str]()
+    asked |= {_FLAT_BENDS} if tilts == {"road_bank"} else set()
+    return {INDEX[name] for name in {"flat_roads", _FLAT_BENDS} - asked}
+
+
 def _with_tilt(
     x: Floats, road: Profiles, turning: Floats, corrections: tuple[Floats, Floats], banks: bool, climbs: bool
 ) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down.
 
+    As far as a road's tilts turn into each other, see `felt`.
     `turning`: what the gyros show of p and q, r, and speed (n, 4). `corrections` (n,) or (1,), rad, are what knots add
     to bank and slope after this: so much more turns into the other angle.
     """
     leans, n = leans_too(x, road.lean_share), len(turning)
     more = [np.ascontiguousarray(np.broadcast_to(lean * c, n)) for lean, c in zip(leans, corrections, strict=True)]
-    tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *gyros_of(x), banks, climbs)
+    turns_too = 1.0 - float(x[INDEX[_FLAT_BENDS]])
+    tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *gyros_of(x), banks, climbs, turns_too)
     bank, slope = (
         filtered(in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
         for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
@@ -303,6 +320,7 @@ def _integrated(
     of_forces: Floats,
     banks: bool,
     climbs: bool,
+    turns_too: float,
 ) -> tuple[Floats, Floats]:
     """Bank and slope (n,) of what the gyros show: what they show of others' rates and of forces is taken off.
 
@@ -310,7 +328,7 @@ def _integrated(
     """
     bank, slope = np.zeros(len(turning)), np.zeros(len(turning))
     for i in range(1, len(turning)):
-        yaw, v = turning[i, 2], turning[i, 3]
+        yaw, v = turns_too * turning[i, 2], turning[i, 3]
         bank_too, slope_too = bank[i - 1] + more_bank[i - 1], slope[i - 1] + more_slope[i - 1]
         ahead, aside = -motion.G * slope_too, motion.G * bank_too
         shown_p = 0.5 * (turning[i, 0] + turning[i - 1, 0]) - of_forces[0, 0] * ahead - of_forces[0, 1] * aside

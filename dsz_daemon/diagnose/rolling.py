@@ -9,9 +9,9 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.angles import drawn
-from dsz_daemon.diagnose.instruments import delayed, slope_at
-from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.angles import all_drawn, cos_sin_of
+from dsz_daemon.diagnose.instruments import delayed, low_passed, rate_of
+from dsz_daemon.diagnose.recording import DT_S, filter_kernel
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -131,24 +131,15 @@ def free_of(
     if not grip.any():
         whole = np.ones(len(v_mps))
         return whole, whole
-    pull_mps2 = filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
+    pull_mps2 = low_passed(rate_of(v_mps, DT_S), _PULL_KERNEL)
     free: tuple[Floats, Floats] = _free(pull_mps2, grade_rad, grip, _shares(car, Slip(0.0, front_brakes_more)))
     return free
 
 
 def tells_engine_from_brakes(wheels_mps: Floats) -> bool:
     """Whether a car with these wheel speeds (n, 4) brakes harder than engines do."""
-    rate_mps2 = filtered(rate_of(np.ascontiguousarray(np.mean(wheels_mps, axis=1)), DT_S), _PULL_KERNEL)
+    rate_mps2 = low_passed(rate_of(np.ascontiguousarray(np.mean(wheels_mps, axis=1)), DT_S), _PULL_KERNEL)
     return bool(np.count_nonzero(rate_mps2 < _BRAKES_MPS2) * DT_S > _FOR_S)
-
-
-@compiled
-def rate_of(values: Floats, dt_s: float) -> Floats:
-    """The values' rate of change (n,): central, at the ends one-sided."""
-    found = np.empty(len(values))
-    for i in range(len(values)):
-        found[i] = slope_at(values, i, dt_s)
-    return found
 
 
 def _shares(car: Car, slip: Slip) -> _Shares:
@@ -185,7 +176,7 @@ def _lightens(car: Car, shares: _Shares, v_mps: Floats, height_m: float) -> tupl
     """Each axle's load as the car stands over what it is as the speed changes (n,): h v'/(g l) of the weight moves."""
     if height_m == 0.0:
         return np.ones(len(v_mps)), np.ones(len(v_mps))
-    moved = height_m / (G * car.wheelbase_m) * filtered(rate_of(v_mps, DT_S), _PULL_KERNEL)
+    moved = height_m / (G * car.wheelbase_m) * low_passed(rate_of(v_mps, DT_S), _PULL_KERNEL)
     moved = np.clip(moved, -_MOST_MOVED * (1.0 - shares.load), _MOST_MOVED * shares.load)
     return shares.load / (shares.load - moved), (1.0 - shares.load) / (1.0 - shares.load + moved)
 
@@ -266,12 +257,9 @@ def _along_over_rolled(
     small: float,
     unturned: float,
 ) -> Floats:
-    found = np.empty(len(steer))
-    for i in range(len(steer)):
-        v = front_mps[i]
-        r = v * steer[i] / (wheelbase_m + (front_alpha - rear_alpha) * v * v)
-        alpha = front_alpha * v * r
-        cos, sin = drawn(steer[i], small, unturned)
-        # The front axle goes across by the tangent of delta - alpha of what it goes along.
-        found[i] = 1.0 / (cos + sin * math.tan(steer[i] - alpha))
-    return found
+    r = front_mps * steer / (wheelbase_m + (front_alpha - rear_alpha) * front_mps * front_mps)
+    cos, sin = all_drawn(steer, small, unturned)
+    goes_cos, goes_sin = cos_sin_of(steer - front_alpha * front_mps * r)
+    # The front axle goes across by the tangent of delta - alpha of what it goes along.
+    along: Floats = 1.0 / (cos + sin * goes_sin / goes_cos)
+    return along

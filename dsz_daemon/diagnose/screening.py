@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.comparison import Bools, Each, Rows, noises, sensitivities
+from dsz_daemon.diagnose.dives import DIVE, noise_of_a_dive
 from dsz_daemon.diagnose.effects import GUESSED, NUISANCES
-from dsz_daemon.diagnose.evidence import LEAST_GAIN, Box, Sums, gain, held_out, sums
+from dsz_daemon.diagnose.evidence import LEAST_GAIN, Box, Sums, gain, held_out, solved, sums
 from dsz_daemon.diagnose.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
 from dsz_daemon.diagnose.prediction import ALONG, Drive, Floats, predicted
 from dsz_daemon.diagnose.unfelt_banks import ACROSS, is_unfelt
@@ -55,6 +56,7 @@ def feels(drive: Drive, rows: Rows, best: Fit, effect: str) -> bool:
 class Screening(NamedTuple):
     """One linear step from a model towards any effect; `names` are those that it brings the most, best first."""
 
+    drive: Drive
     names: list[str]
     known: Slopes
     best: Fit
@@ -71,8 +73,19 @@ class Screening(NamedTuple):
 
     def gain(self, effects: Sequence[str]) -> float:
         """Log likelihood that a linear step towards them gains, as if all rows were independent of each other."""
-        one = np.ones_like(self.best.form)
-        return gain(self.before, self.after(effects), self.found.counts, one, self.best.form)
+        one, form = np.ones_like(self.best.form), self.best.form
+        if DIVE in effects:
+            form = np.hypot(form, noise_of_a_dive(self.drive, self._stepped(effects)))
+        return gain(self.before, self.after(effects), self.found.counts, one, form)
+
+    def _stepped(self, effects: Sequence[str]) -> Floats:
+        """The parameters after a linear step towards these."""
+        columns = [*self.own, *(place for effect in effects for place in self.of_effects[effect])]
+        squares, cross = self.found.squares.sum(axis=(0, 1)), self.found.cross.sum(axis=(0, 1))
+        box = Box(self.box.low[columns], self.box.high[columns], self.box.weight[columns])
+        x = self.best.x.copy()
+        x[np.array(self.known.columns)[columns]] += solved(squares[np.ix_(columns, columns)], cross[columns], box)
+        return x
 
     def pairs(self, far_off: Bools) -> list[tuple[str, str]]:
         """Two at once that together bring more than alone, best first: what one does may hide what the other does.
@@ -112,7 +125,7 @@ def screened(
         and (effect.name not in _BY_A_GYRO or rows.used[:, _BY_A_GYRO[effect.name]].any())
     }
     before = np.asarray(held_out(found, own, box) * best.scatter**2)
-    screening = Screening([], all_known, best, found, box, own, of_effects, before)
+    screening = Screening(drive, [], all_known, best, found, box, own, of_effects, before)
     gains = dict(zip(of_effects, each(lambda name: screening.gain([name]), of_effects), strict=True))
     enough = max([_WORTH * max(gains.values()), 0.5 * LEAST_GAIN]) if gains else 0.0
     names = [name for name in sorted(gains, key=lambda name: -gains[name]) if gains[name] > enough]

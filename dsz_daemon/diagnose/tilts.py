@@ -23,7 +23,7 @@ _MOVED, _PITCH_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, {"road_grad
 # A tilt by itself: so much of its power is no course of what the car does, now or some seconds before; and so often it
 # goes from far on one side, in parts of its rms, to far on the other.
 _BY_ITSELF, _LAGS_S, _FAR, _SWINGS, _FEWEST = 0.35, (4.0, 15.0), 0.7, 3, 30
-_FLAT_ROADS = INDEX["flat_roads"]
+_FLAT_ROADS, _FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
 # A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
 _OVER_S, _OF_NOISE = 2.0, 0.5
 # Of what a road does less than half is none of it, by so many spreads; more than that the other way is something else
@@ -100,7 +100,7 @@ def _lagged(values: Floats, lag_rows: float) -> Floats:
 def _lifted(fit: Fit) -> Fit:
     """The same on roads that a car follows."""
     x = fit.x.copy()
-    x[_FLAT_ROADS] = 0.0
+    x[_FLAT_ROADS] = x[_FLAT_BENDS] = 0.0
     return fit._replace(x=x)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,14 @@ from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_righ
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
-from dsz_daemon.diagnose.plausible import does_nothing, is_implausible, is_told, odds_against_less, weighs_nothing
+from dsz_daemon.diagnose.plausible import (
+    are_one_turn,
+    does_nothing,
+    is_implausible,
+    is_told,
+    odds_against_less,
+    weighs_nothing,
+)
 from dsz_daemon.diagnose.prediction import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.screening import Screening, feels
 from dsz_daemon.diagnose.shape_names import is_of_the_car
@@ -45,8 +52,8 @@ TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_l
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
-# Beside so many effects what lost the last time waits.
-_SOME = 2
+# Beside so many effects what gained little the last time waits: so much of what the best did, or nothing.
+_SOME, _LITTLE = 2, 0.1
 # What a profile has lost after some rounds of its fit no further ones bring back.
 _LOST = -20.0
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -59,6 +66,8 @@ _RANKED_LOWER = _SPECIAL | OWN_CHANNEL.keys() | {LOAD}
 _DENIED = -0.2
 # A load that weighs nothing is a thousand times less likely to begin with, in log likelihood.
 ODD_LOAD = 7.0
+# As are two leaks that happen to be as large as each other, the other way.
+_ODD_LEAKS = 7.0
 # By so much more a load is one, of what stiffness and compliance gain: beside nine of these that were planted a load
 # gained 0.2 to 86 less; of five loads that were, three gained 17 to 42 more (0.012 to 0.09).
 _MORE_THAN_TYRES = 0.01
@@ -137,25 +146,33 @@ class Trial:
 def all_tried(
     trial: Trial,
     starts: Sequence[Start],
-    waits: Collection[str],
+    waits: Mapping[str, float],
     enough: Callable[[list[Step]], list[Step]],
     each: Each,
-) -> tuple[list[Step], frozenset[str]]:
-    """All that may be the best, by rank, and what lost and waits next time.
+) -> tuple[list[Step], dict[str, float]]:
+    """All that may be the best, by rank, and what gained little and waits next time, with what that was.
 
-    Beside a few effects, what lost the last time waits until of the others none gains enough.
+    Beside a few effects, what gained little the last time waits until it would not be little beside what the others
+    gain, or of these none gains enough.
     """
-    waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
+    waiting = dict(waits) if len(trial.best.effects) >= _SOME else dict[str, float]()
     fits = _fitted_each(trial, [start for start in starts if start[0][-1] not in waiting], each)
+    most = max((step.gain for step in fits), default=0.0)
+    soon = {effect for effect, gain in waiting.items() if gain > _LITTLE * most}
+    waiting = {effect: gain for effect, gain in waiting.items() if effect not in soon}
+    fits += _fitted_each(trial, [start for start in starts if start[0][-1] in soon], each)
     judged = _judged(trial, fits, each)
     tried = _ranked(trial.drive, trial.best, judged)
     later = [start for start in starts if start[0][-1] in waiting]
     if later and not enough(tried):
         fits += (others := _fitted_each(trial, later, each))
-        waiting = set()
+        waiting = {}
         tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
-    hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
-    return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
+    gains = dict[str, float]()
+    for step in fits:
+        gains[step.effect] = max(step.gain, gains.get(step.effect, -math.inf))
+    little = max(_HOPELESS, _LITTLE * max(gains.values(), default=0.0))
+    return tried, waiting | {effect: gain for effect, gain in gains.items() if gain <= little}
 
 
 def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:
@@ -187,7 +204,7 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
     """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
 
     A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
-    general; and a load that weighs nothing, than what turns a car as it does.
+    general; a load that weighs nothing, than what turns a car as it does; and two leaks that are one turn, than a turn.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
@@ -196,6 +213,8 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
         if step.effect == LOAD:
             alike -= ODD_LOAD * weighs_nothing(step.fit) + odds_against_less(step.fit)
+        if step.effect == "accel_cross_axis":
+            alike -= _ODD_LEAKS * are_one_turn(step.fit)
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank

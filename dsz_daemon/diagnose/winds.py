@@ -12,8 +12,9 @@ from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import BLOCK_S, FOLDS, noises
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.motion import CarModel
-from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, Profiles, car_of, driven, in_time, predicted, rolls_of
+from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, Profiles, car_of, driven, predicted, rolls_of
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, sharp_kernel
+from dsz_daemon.diagnose.slow_sensors import in_time
 
 # A wind changes over seconds; what is quicker is mostly the accelerometer's noise. A push would bring it into the yaw
 # rate, and would be told to stand less far ahead, and to be stronger, for that.

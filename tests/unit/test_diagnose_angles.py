@@ -7,11 +7,21 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsz_daemon.diagnose.angles import SMALL_RAD, atan_of, cos_of, sin_of
-from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt
+from dsz_daemon.diagnose.angles import (
+    SMALL_RAD,
+    all_at_a_side,
+    all_drawn,
+    at_a_side,
+    atan_of,
+    cos_of,
+    cos_sin_of,
+    drawn,
+    sin_of,
+)
+from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, rate_of
 from dsz_daemon.diagnose.recording import filter_kernel
 from dsz_daemon.diagnose.winds import _slow_part
 
@@ -20,6 +30,7 @@ from dsz_daemon.diagnose.winds import _slow_part
 LAST_DIGITS = 6.0
 
 
+@settings(deadline=None)
 @pytest.mark.parametrize(("series", "exact"), [(sin_of, math.sin), (cos_of, math.cos), (atan_of, math.atan)])
 @given(
     angle=st.one_of(
@@ -104,6 +115,38 @@ def test_a_road_drawn_as_a_tilt_alone_lifts_no_car(flat_roads: float) -> None:
     np.testing.assert_allclose(shown[:, 1], -0.02, atol=1e-12)
     np.testing.assert_allclose(shown[:, 3], 9.80665 * np.sin(grade), atol=1e-12)
     np.testing.assert_allclose(shown[:, 5], 9.80665 * np.cos(grade) + (1.0 - flat_roads) * 0.4, atol=1e-12)
+
+
+@pytest.mark.parametrize("flat_bends", [0.0, 0.5, 1.0])
+def test_on_a_road_whose_tilts_stay_no_gyro_shows_what_the_cars_turn_has_of_them(flat_bends: float) -> None:
+    """Turning by 0.3 rad/s, on a bank of 0.05 rad a car pitches by r bank, on a climb of 0.02 it rolls by r climb."""
+    moved, n = np.zeros((3, 12)), 3
+    moved[:, 1] = 0.3
+    none, level = np.zeros(3), np.eye(3)
+    still = (moved, np.full(n, 20.0), np.zeros(n), np.full(n, 0.05), np.full(n, 0.02))
+    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, 0.0, 0.0, flat_bends)
+    np.testing.assert_allclose(shown[:, 0], (1.0 - flat_bends) * 0.3 * 0.02, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 1], (1.0 - flat_bends) * 0.3 * 0.05, atol=1e-12)
+    # What pitches lifts the car, too.
+    lifted = 9.80665 * np.cos(0.05) * np.cos(0.02) - 20.0 * shown[:, 1]
+    np.testing.assert_allclose(shown[:, 5], lifted, atol=1e-12)
+
+
+@pytest.mark.parametrize("most_rad", [0.5 * SMALL_RAD, 0.99 * SMALL_RAD, 3.0 * SMALL_RAD])
+def test_many_angles_at_once_are_each_of_them(most_rad: float) -> None:
+    angles = np.linspace(-most_rad, most_rad, 31)
+    cos, sin = cos_sin_of(angles)
+    np.testing.assert_allclose(cos, np.cos(angles), rtol=1e-15)
+    np.testing.assert_allclose(sin, np.sin(angles), rtol=2e-15)
+    one_by_one = np.array([drawn(angle, 0.3, 0.2) for angle in angles.tolist()])
+    np.testing.assert_allclose(np.array(all_drawn(angles, 0.3, 0.2)).T, one_by_one, rtol=1e-14, atol=1e-17)
+    beside = np.array([at_a_side(*pair, 0.4) for pair in zip(cos.tolist(), sin.tolist(), strict=True)])
+    np.testing.assert_allclose(np.array(all_at_a_side(cos, sin, 0.4)).T, beside, rtol=1e-14, atol=1e-17)
+
+
+def test_a_rate_is_central_and_one_sided_at_the_ends() -> None:
+    np.testing.assert_allclose(rate_of(np.array([1.0, 3.0, 4.0, 8.0]), 0.5), [4.0, 3.0, 5.0, 8.0], rtol=1e-15)
+    np.testing.assert_array_equal(rate_of(np.array([7.0]), 0.5), [0.0])
 
 
 def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends() -> None:

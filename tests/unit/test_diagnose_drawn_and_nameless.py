@@ -20,9 +20,10 @@ from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted, values_of
 from dsz_daemon.diagnose.instruments import delayed, rolled
 from dsz_daemon.diagnose.motion import DELTA, VY, R
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted, smoothed
+from dsz_daemon.diagnose.prediction import flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.rolling import _of_the_front
+from dsz_daemon.diagnose.slow_sensors import smoothed
 from dsz_daemon.diagnose.smaller import asked_of
 from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
 
