@@ -108,6 +108,7 @@ def test_a_sensor_that_is_named_in_the_place_of_numbers_has_to_go() -> None:
     [
         (("track_width", "accel_scale"), 0.0, 1000.0, {"accel_scale"}, 0.85, True),
         (("track_width", "accel_scale"), 0.0, 1000.0, set(), 0.85, False),
+        (("track_width", "side_wind"), 0.0, 1000.0, {"side_wind"}, 0.85, True),
         (("track_width", "imu_lever_arm"), 0.0, 1000.0, {"imu_lever_arm"}, 0.85, False),
         (("steering_ratio", "imu_lever_arm"), 51.0, 1000.0, set(), 0.85, True),
         (("steering_ratio", "imu_lever_arm"), 49.0, 1000.0, set(), 0.85, False),

@@ -17,6 +17,7 @@ from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.dives import noise_of_a_dive
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
+from dsz_daemon.diagnose.fit import fitted
 from dsz_daemon.diagnose.plausible import are_one_turn
 from dsz_daemon.diagnose.prediction import Drive, nothing
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel
@@ -62,6 +63,28 @@ def test_what_noise_pitches_is_what_a_body_on_springs_makes_of_it(more_hz: float
     assert not noise_of_a_dive(one, nothing()).any()
 
 
+def test_it_is_the_noise_of_the_axle_that_gives_the_speed() -> None:
+    x = nothing()
+    x[INDEX[GRADIENT]] = 0.01
+    rear = with_noisy_wheels(drive({}, SPEED, STEER), 0.05)
+    floor = rear.recording.floor.copy()
+    floor[6:8] *= 3.0
+    uneven = rear._replace(recording=rear.recording._replace(floor=floor))
+    of_one = noise_of_a_dive(rear, x)[1]
+    assert noise_of_a_dive(uneven, x)[1] == pytest.approx(of_one)
+    by_front = uneven._replace(front_gives_speed=True)
+    assert noise_of_a_dive(by_front, x)[1] == pytest.approx(3.0 * of_one)
+
+
+def test_what_noise_pitches_is_the_simulations_own_coarseness() -> None:
+    one = with_noisy_wheels(drive({GRADIENT: 0.01}, SPEED, STEER), 0.05)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("suspension_pitch",), TOLERANCE)
+    noise = noise_of_a_dive(one, fit.x)[1]
+    assert noise > 3.0 * rows.form[1]
+    assert noise < fit.form[1] < 1.5 * noise
+
+
 def test_a_dive_is_told_where_the_noise_of_the_wheels_pitches_the_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pitch gyro that is quiet as the car goes evenly is no witness against a dive: the simulation is driven."""
     one = with_noisy_wheels(drive({GRADIENT: 0.01}, SPEED, STEER), 0.075)
@@ -88,7 +111,14 @@ def leaking(xy: float, yx: float, std: float = 0.01) -> Any:
 
 @pytest.mark.parametrize(
     ("xy", "yx", "is_one"),
-    [(0.07, -0.07, True), (-0.07, 0.05, True), (0.07, 0.07, False), (0.07, -0.04, False), (0.029, -0.029, False)],
+    [
+        (0.07, -0.07, True),
+        (-0.07, 0.05, True),
+        (0.07, 0.07, False),
+        (0.07, -0.04, False),
+        (0.029, -0.029, False),
+        (0.035, -0.025, False),
+    ],
 )
 def test_two_leaks_that_are_as_large_the_other_way_are_one_turn(xy: float, yx: float, is_one: bool) -> None:
     assert are_one_turn(leaking(xy, yx)) is is_one
