@@ -19,7 +19,7 @@ from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import fitted, values_of
 from dsz_daemon.diagnose.instruments import delayed, rolled
-from dsz_daemon.diagnose.motion import DELTA, VY, R
+from dsz_daemon.diagnose.motion import AY, DELTA, VY, R
 from dsz_daemon.diagnose.prediction import flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, Recording
 from dsz_daemon.diagnose.rolling import _of_the_front
@@ -54,6 +54,18 @@ def test_a_wheel_is_drawn_as_it_is_for_small_angles_or_unturned(
     assert wheels[:2] == pytest.approx([(8.0 - 0.375) * cos + across, (8.0 + 0.375) * cos + across])
     # The rear ones are not turned.
     assert wheels[2:] == pytest.approx([8.0 - 0.4, 8.0 + 0.4])
+
+
+def test_an_inner_wheel_slips_more_by_its_own_axles_track_and_a_larger_one_turns_less() -> None:
+    """At 5 m/s2 to the left, h = 0.5 m: of the left one's half of the load 2 m a h / (m g t) is gone."""
+    moved, g = np.zeros((1, 12)), 9.80665
+    moved[0, AY] = 5.0
+    front_slip, rear_slip = np.array([0.02]), np.array([-0.01])
+    radii = np.array([1.0, 1.01, 0.99, 1.02])
+    wheels = rolled(moved, np.array([20.0]), front_slip, rear_slip, 1.2, 1.5, 1.8, radii, 0.5)[0]
+    front, rear = 2.0 * 0.5 * 5.0 / (g * 1.5), 2.0 * 0.5 * 5.0 / (g * 1.8)
+    slips = [0.02 * (1.0 + front), 0.02 * (1.0 - front), -0.01 * (1.0 + rear), -0.01 * (1.0 - rear)]
+    assert wheels == pytest.approx([20.0 * (1.0 + slip) / radius for slip, radius in zip(slips, radii, strict=True)])
 
 
 def test_what_front_wheels_tell_of_the_speed_is_drawn_likewise() -> None:
