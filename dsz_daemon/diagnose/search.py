@@ -98,7 +98,7 @@ def searched(
     best, rivals, gains = nominal, {}, dict[str, float]()
     elsewhere: dict[str, dict[str, float]] = {}
     shapes: list[Found] = []
-    refused, waits, known = set[str](), dict[str, float](), None
+    refused, waits, known = set[str](), frozenset[str](), None
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS:
             break

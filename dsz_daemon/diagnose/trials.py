@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,8 +52,8 @@ TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_l
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
 # is hopeless.
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
-# Beside so many effects what gained little the last time waits: so much of what the best did, or nothing.
-_SOME, _LITTLE = 2, 0.1
+# Beside so many effects what lost the last time waits. What gained little does not: what came first may have hidden it.
+_SOME = 2
 # What a profile has lost after some rounds of its fit no further ones bring back.
 _LOST = -20.0
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
@@ -146,33 +146,25 @@ class Trial:
 def all_tried(
     trial: Trial,
     starts: Sequence[Start],
-    waits: Mapping[str, float],
+    waits: Collection[str],
     enough: Callable[[list[Step]], list[Step]],
     each: Each,
-) -> tuple[list[Step], dict[str, float]]:
-    """All that may be the best, by rank, and what gained little and waits next time, with what that was.
+) -> tuple[list[Step], frozenset[str]]:
+    """All that may be the best, by rank, and what lost and waits next time.
 
-    Beside a few effects, what gained little the last time waits until it would not be little beside what the others
-    gain, or of these none gains enough.
+    Beside a few effects, what lost the last time waits until of the others none gains enough.
     """
-    waiting = dict(waits) if len(trial.best.effects) >= _SOME else dict[str, float]()
+    waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
     fits = _fitted_each(trial, [start for start in starts if start[0][-1] not in waiting], each)
-    most = max((step.gain for step in fits), default=0.0)
-    soon = {effect for effect, gain in waiting.items() if gain > _LITTLE * most}
-    waiting = {effect: gain for effect, gain in waiting.items() if effect not in soon}
-    fits += _fitted_each(trial, [start for start in starts if start[0][-1] in soon], each)
     judged = _judged(trial, fits, each)
     tried = _ranked(trial.drive, trial.best, judged)
     later = [start for start in starts if start[0][-1] in waiting]
     if later and not enough(tried):
         fits += (others := _fitted_each(trial, later, each))
-        waiting = {}
+        waiting = set()
         tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
-    gains = dict[str, float]()
-    for step in fits:
-        gains[step.effect] = max(step.gain, gains.get(step.effect, -math.inf))
-    little = max(_HOPELESS, _LITTLE * max(gains.values(), default=0.0))
-    return tried, waiting | {effect: gain for effect, gain in gains.items() if gain <= little}
+    hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
+    return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
 
 
 def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:
