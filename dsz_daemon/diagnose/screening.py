@@ -68,8 +68,10 @@ class Screening(NamedTuple):
 
     def after(self, effects: Sequence[str]) -> Floats:
         """Unseen squares (b, 13), SI, with these in the model, too."""
-        columns = [*self.own, *(place for effect in effects for place in self.of_effects[effect])]
-        return np.asarray(held_out(self.found, columns, self.box) * self.best.scatter**2)
+        return np.asarray(held_out(self.found, self._with(effects), self.box) * self.best.scatter**2)
+
+    def _with(self, effects: Sequence[str]) -> list[int]:
+        return [*self.own, *(place for effect in effects for place in self.of_effects[effect])]
 
     def gain(self, effects: Sequence[str]) -> float:
         """Log likelihood that a linear step towards them gains, as if all rows were independent of each other."""
@@ -80,7 +82,7 @@ class Screening(NamedTuple):
 
     def _stepped(self, effects: Sequence[str]) -> Floats:
         """The parameters after a linear step towards these."""
-        columns = [*self.own, *(place for effect in effects for place in self.of_effects[effect])]
+        columns = self._with(effects)
         squares, cross = self.found.squares.sum(axis=(0, 1)), self.found.cross.sum(axis=(0, 1))
         box = Box(self.box.low[columns], self.box.high[columns], self.box.weight[columns])
         x = self.best.x.copy()
