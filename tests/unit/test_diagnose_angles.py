@@ -149,6 +149,28 @@ def test_a_rate_is_central_and_one_sided_at_the_ends() -> None:
     np.testing.assert_array_equal(rate_of(np.array([7.0]), 0.5), [0.0])
 
 
+def test_at_a_place_the_imu_feels_what_a_rigid_body_does_there() -> None:
+    """a + w' x rho + w x (w x rho) of the rates that the gyros show, then turned by the sensors' own matrices."""
+    rng, n = np.random.default_rng(8), 200
+    time_s = 0.01 * np.arange(n)
+    moved = np.zeros((n, 12))
+    for column in (0, 1, 2, 3, 5, 6, 7, 8):
+        moved[:, column] = 0.1 * np.sin(rng.uniform(1.0, 4.0) * time_s + rng.uniform(0.0, 6.0))
+    moved[:, 2] = np.gradient(moved[:, 1], 0.01)
+    road = (0.05 * np.sin(time_s), 0.03 * np.cos(2.0 * time_s))
+    car = (moved, np.full(n, 20.0), np.sin(time_s), *road)
+    none, level, still = np.zeros(3), np.eye(3), np.zeros((3, 3))
+    rho = np.array([0.7, -0.3, 0.4])
+    at_the_cg = felt(*car, none, none, level, still, level, 0.01)
+    rates = at_the_cg[:, :3]
+    turns = np.gradient(rates, 0.01, axis=0)
+    forces = at_the_cg[:, 3:] + np.cross(turns, rho) + np.cross(rates, np.cross(rates, rho))
+    of_rates, of_forces, by_forces = (np.asarray(rng.normal(size=(3, 3))) for _ in range(3))
+    shown = felt(*car, rho, none, of_rates, by_forces, of_forces, 0.01)
+    np.testing.assert_allclose(shown[:, :3], rates @ of_rates.T + forces @ by_forces.T, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 3:], forces @ of_forces.T, atol=1e-12)
+
+
 def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends() -> None:
     values = np.random.default_rng(1).normal(size=6000).cumsum()
     weights = filter_kernel(6.0)
