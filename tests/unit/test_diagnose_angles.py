@@ -149,6 +149,16 @@ def test_a_rate_is_central_and_one_sided_at_the_ends() -> None:
     np.testing.assert_array_equal(rate_of(np.array([7.0]), 0.5), [0.0])
 
 
+def test_what_the_body_leans_and_dives_turns_with_the_car() -> None:
+    """Of a yaw rate of 0.3 rad/s a body 0.02 rad nose down has -0.006 of roll, leaning by 0.05 0.015 of pitch."""
+    moved, n = np.zeros((3, 12)), 3
+    moved[:, 1], moved[:, 5], moved[:, 7] = 0.3, 0.05, 0.02
+    none, level = np.zeros(3), np.eye(3)
+    still = (moved, np.full(n, 20.0), np.zeros(n), np.zeros(n), np.zeros(n))
+    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01)
+    np.testing.assert_allclose(shown[:, :3], np.tile([-0.006, 0.015, 0.3], (n, 1)), atol=1e-12)
+
+
 def test_at_a_place_the_imu_feels_what_a_rigid_body_does_there() -> None:
     """a + w' x rho + w x (w x rho) of the rates that the gyros show, then turned by the sensors' own matrices."""
     rng, n = np.random.default_rng(8), 200
