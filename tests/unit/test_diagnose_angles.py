@@ -51,6 +51,7 @@ def test_what_is_no_number_stays_none(series: Callable[[float], float]) -> None:
     assert math.isnan(series(math.nan))
 
 
+@settings(deadline=None)
 @given(by_s=st.floats(-0.9, 0.9))
 def test_what_comes_late_is_what_was_and_is_level_beyond_the_ends(by_s: float) -> None:
     time_s = 0.1 * np.arange(30)
