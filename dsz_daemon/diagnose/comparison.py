@@ -287,7 +287,7 @@ def sensitivities(
             step *= 0.1
         moved = x.copy()
         moved[i] += step
-        if felt is not None and felt.changes_with(effect or parameter.name):
+        if felt is not None and felt.changes_with(effect):
             there = predicted(drive, moved, felt(moved))
         elif i in SHOWN or touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)

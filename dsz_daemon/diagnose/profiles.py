@@ -130,7 +130,7 @@ class Felt:
             return True
         if effect in _LATE:
             return self.is_tilted or self._lean_share > 0.0
-        if effect in (*_TILTS, _FLAT_BENDS):
+        if effect in _TILTS:
             return self._is_tilted_twice
         return self.is_tilted and effect in _TURN_THE_GYROS
 

@@ -56,6 +56,24 @@ def test_a_wheel_is_drawn_as_it_is_for_small_angles_or_unturned(
     assert wheels[2:] == pytest.approx([8.0 - 0.4, 8.0 + 0.4])
 
 
+@pytest.mark.parametrize(("front_n_per_rad", "rear_n_per_rad"), [(3e4, 9e4), (9e4, 6e4)])
+def test_what_front_wheels_roll_tells_the_speed_of_a_car_that_turns_less_or_more_than_it_is_steered(
+    front_n_per_rad: float, rear_n_per_rad: float
+) -> None:
+    """Against a steady bend of a linear single-track car, solved for its sideslip and yaw rate; two tyres an axle."""
+    m, lf, lr, v, delta = 1500.0, 1.2, 1.4, 12.0, 0.1
+    car = Car(m, 2500.0, lf, lr, 1.5, 1.5, front_n_per_rad, rear_n_per_rad, True, False, 0.0, 0.0)
+    front, rear = 2.0 * front_n_per_rad, 2.0 * rear_n_per_rad
+    forces = [
+        [front + rear, front * lf - rear * lr + m * v * v],
+        [front * lf - rear * lr, front * lf**2 + rear * lr**2],
+    ]
+    vy, r = np.linalg.solve(np.array(forces) / v, [front * delta, front * lf * delta])
+    rolls = v * math.cos(delta) + (vy + lf * r) * math.sin(delta)
+    found = _of_the_front(car, np.array([delta]), np.array([rolls]), 0.0, 0.0)[0]
+    assert found == pytest.approx(v / rolls, abs=2e-4)
+
+
 def test_an_inner_wheel_slips_more_by_its_own_axles_track_and_a_larger_one_turns_less() -> None:
     """At 5 m/s2 to the left, h = 0.5 m: of the left one's half of the load 2 m a h / (m g t) is gone."""
     moved, g = np.zeros((1, 12)), 9.80665
