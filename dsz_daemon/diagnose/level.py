@@ -19,6 +19,8 @@ from dsz_daemon.signals import IMU_CHANNELS
 UNEXPLAINED = 3.0
 # So many times more than that a sensor's own noise may be.
 _COLOURED = 2.0
+# The body's alone: how a phone shakes in its holder says nothing of a radius.
+_TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
 
 def level_of(found: Search) -> dict[str, float]:
@@ -68,11 +70,11 @@ def doubt_of(found: Search, effect: str, unexplained: Collection[str]) -> float:
     """What is left over what may be, of the channels that an effect is judged by.
 
     A grade that no gyro feels is judged by one. And of the wheels that drive no simulation nothing comes into the
-    others: what they do is a matter of wheels.
+    others: what they do is a matter of wheels. No wheel turns by how a body rolls, pitches or heaves.
     """
     if effect == "road_grade" and climbs_unfelt(found.drive):
         return doubt(found, {"accel_x"} & set(unexplained))
     if found.drive.vocabulary.described(effect).touches == WHEELS:
-        return doubt(found, unexplained)
+        return doubt(found, set(unexplained) - _TURN_NO_WHEEL)
     names = zip(channel_names(found.drive), CHANNELS, strict=True)
     return doubt(found, set(unexplained) - {name for name, channel in names if channel.startswith("wheel_other")})

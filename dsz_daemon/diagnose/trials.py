@@ -59,7 +59,8 @@ _LOST = -20.0
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 # What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
-SURELY, _SPECIAL = 1.05, frozenset({"low_friction", *(effect.name for effect in NAMELESS)})
+_UNNAMED = frozenset(effect.name for effect in NAMELESS)
+SURELY, _SPECIAL = 1.05, _UNNAMED | {"low_friction"}
 # What stands behind by another rule than what it gains.
 _RANKED_LOWER = _SPECIAL | OWN_CHANNEL.keys() | {LOAD}
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
@@ -196,7 +197,8 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
     """What steps gain, as rivals: what is left hangs together more or less by candidate, so the same rows count.
 
     A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
-    general; a load that weighs nothing, than what turns a car as it does; and two leaks that are one turn, than a turn.
+    general; what has no name, than a name, by as much as any cause is asked for; a load that weighs nothing, than what
+    turns a car as it does; and two leaks that are one turn, than a turn.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
@@ -207,6 +209,8 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
             alike -= ODD_LOAD * weighs_nothing(step.fit) + odds_against_less(step.fit)
         if step.effect == "accel_cross_axis":
             alike -= _ODD_LEAKS * are_one_turn(step.fit)
+        if step.effect in _UNNAMED:
+            alike -= LEAST_GAIN
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank

@@ -395,6 +395,23 @@ def test_wheels_that_drive_no_simulation_are_a_doubt_of_wheels_alone(
     assert level.doubt_of(search, "wheel_radius", [wheel]) == pytest.approx(60.0)
 
 
+@pytest.mark.parametrize("channel", ["gyro_x", "gyro_y", "accel_z"])
+def test_how_a_body_shakes_is_no_doubt_of_wheels(monkeypatch: pytest.MonkeyPatch, channel: str) -> None:
+    """A phone in its holder rolls, pitches and heaves; what it yaws by, and how it is pushed, is of wheels, too."""
+    scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
+    scatter[:, [0, 1, 5]], scatter[:, 2] = 0.35, 0.2
+    monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "climbs_unfelt", lambda _: False)
+    fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
+    search: Any = SimpleNamespace(
+        best=fit, drive=SimpleNamespace(front_gives_speed=False, vocabulary=BUILT_IN)
+    )
+    for effect in ("wheel_radius", "wheel_slip", "track_width"):
+        assert level.doubt_of(search, effect, [channel]) == 1.0
+        assert level.doubt_of(search, effect, [channel, "gyro_z"]) == pytest.approx(4.0)
+    assert level.doubt_of(search, "steering_ratio", [channel]) == pytest.approx(7.0)
+
+
 def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
