@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.gains import TOLD_GAIN, told_from
 from dsz_daemon.diagnose.goodness import goodness
 from dsz_daemon.diagnose.grip import over_shapes
 from dsz_daemon.diagnose.in_part import explains_a_part
-from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, unexplained_of, verdict
+from dsz_daemon.diagnose.level import doubt, doubt_of, level_of, turned_by_another, unexplained_of, verdict
 from dsz_daemon.diagnose.locate import located
 from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.mounts import BY_GRAVITY, as_offsets_else
@@ -45,7 +45,7 @@ _STIFFNESS_SHARE = 0.05
 _LEAST_SPREADS, _SURE = 2.0, 10.0 * LEAST_GAIN
 # Of what gains that much parameters may hide each other; but one that is nothing as likely as not is no number.
 _OF_WHAT_IS_SURE = 0.5
-# And what alone surely is there has a name from half of the size, but for wheels, which may all turn by a scale.
+# And what alone surely is there has a name from half of the size, but for wheels' radii, which may all turn by a scale.
 _ALONE = 0.5
 # Counted in sealed trials (`dsz prove`, seeds 2031 and 2032): how often a cause was true by what it gained.
 _EVEN_ODDS_GAIN = 10.0
@@ -101,6 +101,8 @@ def answered(
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
         no_names |= {e for e in found.best.effects if not is_shape(e) and explains_a_part(*of_all, e, unexplained)}
+    by_another, turning = turned_by_another(found, level)
+    no_names, unexplained = no_names | by_another, [*unexplained, *(c for c in turning if c not in unexplained)]
     # What is given no name has no numbers, but for what is a number of the car and never had one.
     withheld = {key for effect in no_names - {"yaw_inertia"} for key in _BEYOND.get(effect, ())}
     # Within their tolerance tyres make up for how what turns a car without a name is drawn.
@@ -120,7 +122,7 @@ def answered(
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
     anything = causes or errors or shapes or unexplained
-    offsets = _offsets(found, causes)
+    offsets = _offsets(found, [cause.effect for cause in causes])
     return Diagnosis(
         verdict(bool(causes), bool(shapes or unexplained)),
         located(found.drive, found.rows, found.nominal.left, _usual(found), found.best.per_row) if anything else [],
@@ -141,13 +143,11 @@ def _names_slip_alone(causes: Sequence[Cause]) -> bool:
     return "wheel_slip" in {cause.effect for cause in causes} and "wheel_radius" not in {c.effect for c in causes}
 
 
-def _offsets(found: Search, causes: Sequence[Cause] = ()) -> dict[str, tuple[float, float]]:
-    """Each channel's offset and spread, with what gravity makes of a tilted road or a turned mount that is no cause."""
-    return _offsets_beside(found, [cause.effect for cause in causes])
+def _offsets(found: Search, causes: Collection[str] = ()) -> dict[str, tuple[float, float]]:
+    """Each channel's offset and spread beside these causes.
 
-
-def _offsets_beside(found: Search, causes: Collection[str]) -> dict[str, tuple[float, float]]:
-    """The same beside these causes."""
+    With what gravity makes of a tilted road or a turned mount that is no cause.
+    """
     turned = "imu_misalignment" in found.best.effects and "imu_misalignment" not in causes
     values = values_of(found.drive, found.best, "")
     offsets = {name: value for name, value in values.items() if name.startswith("offset_")}
@@ -177,7 +177,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
     # What came before a car did something that has no name may be that.
     is_beside = described.touches == CAR and any(map(is_of_the_car, found.best.effects))
     surely = found.gains[effect] > _SURE and not is_beside
-    is_alone = found.best.effects == (effect,) and described.touches != WHEELS
+    is_alone = found.best.effects == (effect,) and (described.touches != WHEELS or effect == "wheel_slip")
     share = _ALONE if surely and is_alone else 1.0
     least = {p.name: share * p.least for p in described.parameters}
     if effect == "side_wind":
@@ -224,7 +224,7 @@ def _cause(found: Search, effect: str, left: float = 1.0, each: Each = map) -> C
 
 def _takes_back(found: Search) -> bool:
     """Whether an offset beyond data sheets takes back what gravity makes of a turned mount: then it is no mount."""
-    offsets = _offsets_beside(found, found.best.effects)
+    offsets = _offsets(found, found.best.effects)
     roll, pitch = (float(found.best.x[INDEX[f"imu_misalignment.{axis}_rad"]]) for axis in ("roll", "pitch"))
     of_gravity = {"offset_accel_x": -motion.G * pitch, "offset_accel_y": motion.G * roll}
     return any(

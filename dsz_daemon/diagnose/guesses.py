@@ -25,6 +25,9 @@ _FRICTIONS = np.geomspace(0.12, 1.0, 14)
 _ELLIPSES = 0.01, 1.0
 # What a row has to gain to count.
 _NOTHING = 0.02
+_MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
+# A stretch that gains so much of what the best does may be it.
+_ABOUT = 0.9
 # Not 0, so that it is fitted.
 _SOME_SHARPNESS = 0.01
 
@@ -56,10 +59,12 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
 
     A car forgets in less than a second what it drove on. So what each row gains on a road that is slippery all the way
     is what it gains in any stretch, and of each friction the best stretch is where the sum of that is the largest.
+    A stretch that is another one and gains about as much is one to begin with, too: near the limit a car with a little
+    less grip spins, and what was slippery for longer seems to have ended before.
     """
     if not (rows.used[:, _YAW].any() or rows.used[:, _ACROSS].any()):
         return []
-    most, most_of_all, found = _LEAST, _LEAST, dict[str, Floats]()
+    most_of_all, everywhere, stretches = _LEAST, list[tuple[str, Floats]](), list[tuple[float, Floats]]()
     before = loss_of_rows(best.left, rows, best.scatter)
 
     def all_the_way(grip: tuple[float, float]) -> tuple[Floats, Floats]:
@@ -68,18 +73,24 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
         x[INDEX["low_friction.ellipse"]] = ellipse
         x[INDEX["low_friction.inverse_square"]] = friction**-2
         x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
-        x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = 0.0, len(drive.steer) * DT_S
+        x[_MOMENTS] = 0.0, len(drive.steer) * DT_S
         return x, loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
 
     for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
         gained = before - after - _NOTHING
         if (of_all := float(np.sum(gained))) > most_of_all:
-            most_of_all, found["tyre_saturation"] = of_all, _as_everywhere(best.x, x)
+            most_of_all, everywhere = of_all, [("tyre_saturation", _as_everywhere(best.x, x))]
         first, last, total = _stretch(gained)
-        if total > most and (last - first) * ROW_S > SHORTEST_S:
-            x[INDEX["low_friction.start_s"]], x[INDEX["low_friction.end_s"]] = rows.at[[first, last - 1]] * DT_S
-            most, found["low_friction"] = total, x
-    return list(found.items())
+        if total > _LEAST and (last - first) * ROW_S > SHORTEST_S:
+            x[_MOMENTS] = rows.at[[first, last - 1]] * DT_S
+            stretches.append((total, x))
+    stretches.sort(key=lambda one: -one[0])
+    others = [one for one in stretches if one[0] > _ABOUT * stretches[0][0] and _are_apart(one[1], stretches[0][1])]
+    return [*everywhere, *(("low_friction", x) for _, x in (*stretches[:1], *others[:1]))]
+
+
+def _are_apart(one: Floats, other: Floats) -> bool:
+    return bool(np.max(np.abs(one[_MOMENTS] - other[_MOMENTS])) > SHORTEST_S)
 
 
 def _as_everywhere(before: Floats, slippery: Floats) -> Floats:

@@ -39,6 +39,9 @@ _OF_SIZES = {
     ("nose_lift", "wheel_growth"): 0.1,
     ("wheel_slip", "wheel_radius"): 0.05,
 }
+# And a wind beside play: just when front wheels let go no simulation knows to the row, and what that leaves turns a car
+# as a push does.
+_OF_PLAY = {("steering_backlash", "side_wind"): 0.03}
 # The hand wheel's sine, of which a ratio is one half: an eccentric sensor has both.
 _OF_THE_HAND, _SHARE_OF_HAND = "hand", 1.0
 # A ratio that follows the speed is no number: what is left of it does not come of a simulation's form.
@@ -69,8 +72,9 @@ def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
 
 def _share_of(drive: Drive, effect: str, other: str) -> float:
     """What an effect has to gain of what another does, if one of them is a shape and the other has a name."""
-    if (other, effect) in _OF_SIZES:
-        return _OF_SIZES[other, effect]
+    for shares in (_OF_SIZES, _OF_PLAY):
+        if (other, effect) in shares:
+            return shares[other, effect]
     if is_shape(effect) == is_shape(other):
         return 0.0
     shape, name = (effect, other) if is_shape(effect) else (other, effect)

@@ -56,6 +56,10 @@ _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
 _SOME = 2
 # What a profile has lost after some rounds of its fit no further ones bring back.
 _LOST = -20.0
+# Nor of what is so little of a leader's gain, if that is much, and by further rounds gains no more than so much.
+_LITTLE, _MUCH, _FURTHER = 0.15, 50.0, 5.0
+# What takes long.
+_LONG = TILTS | GRIP | {"sensor_saturation"}
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 # What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
@@ -95,12 +99,13 @@ class Trial:
     tolerance: Mapping[str, float]
     known: Slopes
 
-    def fit(self, start: Start) -> Step:
-        """From there, judged by the slopes of its last step."""
+    def fit(self, start: Start, each: Each = map, leader: float = 0.0) -> Step:
+        """From there, judged by the slopes of its last step; no further where it stands still far behind a `leader`."""
         new, x = start
         effect, effects = new[-1], (*self.best.effects, *new)
-        fit = self._fitted(x, effects)
-        if effect == "low_friction" and gained(self.drive, self.best, fit) > 0.0:
+        behind = _LITTLE * leader if leader > _MUCH else 0.0
+        fit = self._fitted(x, effects, each, behind)
+        if effect == "low_friction" and gained(self.drive, self.best, fit) > behind:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             for _ in range(_MOST_MOVES):
                 moved = with_best_moments(self.drive, self.rows, fit)
@@ -121,14 +126,19 @@ class Trial:
             fit = exactly(self.drive, self.rows, fit, self.tolerance)
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
-    def _fitted(self, x: Floats, effects: tuple[str, ...]) -> Fit:
+    def _fitted(self, x: Floats, effects: tuple[str, ...], each: Each = map, behind: float = 0.0) -> Fit:
         known, felt, new = self.known, self.best.felt, effects[-1]
+        gains = list[float]()
 
         def is_hopeless(fit: Fit) -> bool:
-            return gained(self.drive, self.best, fit) < _LOST or is_implausible(self.drive, self.rows, fit, new)
+            gains.append(gained(self.drive, self.best, fit))
+            stands = len(gains) > 1 and gains[-1] < min(behind, gains[-2] + _FURTHER)
+            if new not in OWN_CHANNEL:
+                return stands
+            return stands or gains[-1] < _LOST or is_implausible(self.drive, self.rows, fit, new)
 
-        asked = is_hopeless if new in OWN_CHANNEL else None
-        return fitted(self.drive, self.rows, x, effects, self.tolerance, known=known, felt=felt, is_hopeless=asked)
+        asked = is_hopeless if new in OWN_CHANNEL or behind > 0.0 else None
+        return fitted(self.drive, self.rows, x, effects, self.tolerance, 1e-3, each, known, felt, asked)
 
     def judge(self, step: Step, each: Each = map) -> Step:
         """By its own slopes, and by what other manoeuvres say."""
@@ -169,9 +179,18 @@ def all_tried(
 
 
 def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:
-    """The starts' fits in their order; those with a road, which take longest, are begun first."""
-    order = sorted(range(len(starts)), key=lambda i: starts[i][0][-1] not in TILTS)
-    fits = dict(zip(order, each(trial.fit, [starts[i] for i in order]), strict=True))
+    """The starts' fits in their order; those that take long know what the others come to."""
+    long = [i for i, start in enumerate(starts) if start[0][-1] in _LONG]
+    others = [i for i in range(len(starts)) if i not in long]
+    fits = dict(zip(others, each(trial.fit, [starts[i] for i in others]), strict=True))
+    leader = max((step.gain for step in fits.values()), default=0.0)
+    # Roads take longest.
+    long.sort(key=lambda i: starts[i][0][-1] not in TILTS)
+
+    def after(i: int, each: Each) -> Step:
+        return trial.fit(starts[i], each, leader)
+
+    fits |= zip(long, all_hands(after, long, each), strict=True)
     return [fits[i] for i in range(len(starts))]
 
 

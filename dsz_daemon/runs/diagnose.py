@@ -11,7 +11,7 @@ import numpy as np
 
 from dsz_daemon.diagnose import diagnose as diagnosed
 from dsz_daemon.diagnose.fit_columns import columns_of_fit
-from dsz_daemon.diagnose.level import UNEXPLAINED
+from dsz_daemon.diagnose.level import TURNED, UNEXPLAINED
 from dsz_daemon.diagnose.recording import Floats
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
@@ -139,7 +139,9 @@ def words(result: dict[str, Any]) -> str:
         told = end_of(shape) or f"{shape['channel']}: {shape['shape']} with k = {k}"
         lines.append(f"- {told}, for which there is no name")
     lines += [f"- {one['statement']}" for key in ("same_as_offsets", "same_as_slip") for one in result[key]]
-    off = [f"{name} {value:.0f} times" for name, value in result["level"].items() if value > UNEXPLAINED]
+    most = max(result["level"].values(), default=0.0)
+    least, digits = (UNEXPLAINED, 0) if most > UNEXPLAINED else (TURNED, 1)
+    off = [f"{name} {value:.{digits}f} times" for name, value in result["level"].items() if value > least]
     if off and result["verdict"] in {"unexplained", "partly_explained"}:
         lines.append(f"- not explained: {', '.join(off)} what noise and the simulation's coarseness leave")
     for place in result["located"][:3]:

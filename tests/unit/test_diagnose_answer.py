@@ -169,7 +169,7 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     told = answer._offsets(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
-    grade: Any = [SimpleNamespace(effect="road_grade")]
+    grade = ["road_grade"]
     np.testing.assert_allclose(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, waves, atol=1e-5)
     assert answer._offsets(search, grade) == told
     # But for what is told of it, if it is said that there is one.
@@ -403,9 +403,7 @@ def test_how_a_body_shakes_is_no_doubt_of_wheels(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
     monkeypatch.setattr(level, "climbs_unfelt", lambda _: False)
     fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
-    search: Any = SimpleNamespace(
-        best=fit, drive=SimpleNamespace(front_gives_speed=False, vocabulary=BUILT_IN)
-    )
+    search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False, vocabulary=BUILT_IN))
     for effect in ("wheel_radius", "wheel_slip", "track_width"):
         assert level.doubt_of(search, effect, [channel]) == 1.0
         assert level.doubt_of(search, effect, [channel, "gyro_z"]) == pytest.approx(4.0)
@@ -562,3 +560,36 @@ def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
         elsewhere={"wheel_speed_delay": {}},
     )
     assert (answer._cause(search, "wheel_speed_delay") is not None) is is_named
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "value", "is_named"),
+    [
+        ("wheel_slip", "slip_per_force", 0.0024, True),
+        ("wheel_slip", "slip_per_force", 0.0018, False),
+        # Wheels may all turn by the scale of something else.
+        ("wheel_radius", "fl", 0.0006, False),
+        ("wheel_radius", "fl", 0.0009, True),
+        ("track_width", "front", 0.006, False),
+    ],
+)
+def test_wheels_that_alone_slip_do_so_from_half_of_the_size(
+    monkeypatch: pytest.MonkeyPatch, effect: str, parameter: str, value: float, is_named: bool
+) -> None:
+    monkeypatch.setattr(answer, "_values", lambda *_: {parameter: (value, 1e-4)})
+    for nothing_else in ("wheels_differ", "_shares_a_factor"):
+        monkeypatch.setattr(answer, nothing_else, lambda *_: False)
+    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    described = BUILT_IN.described(effect)
+    words = described._replace(words="")
+    monkeypatch.setattr(answer, "told_from", lambda *_: 20.0)
+    vocabulary = SimpleNamespace(described=lambda _: words)
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=vocabulary),
+        best=SimpleNamespace(effects=(effect,)),
+        gains={effect: 150.0},
+        elsewhere={effect: {}},
+    )
+    assert (answer._cause(search, effect) is not None) is is_named

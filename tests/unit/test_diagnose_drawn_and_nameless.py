@@ -374,11 +374,13 @@ def test_a_delay_is_no_clock() -> None:
     assert told.unlisted == []
 
 
-def test_what_is_asked_beside_tyres_that_grow_and_an_eccentric_sensor() -> None:
+def test_what_is_asked_beside_tyres_that_grow_an_eccentric_sensor_and_play() -> None:
     one = drive({}, CITY_V, CITY_STEER)
     assert asked_of(one, "track_width", {"wheel_growth": 1000.0}) == pytest.approx(100.0)
     assert asked_of(one, "gyro_scale", {"wheel_growth": 1000.0}) == pytest.approx(15.0)
     assert asked_of(one, "wheel_radius", {"wheel_slip": 1000.0}) == pytest.approx(50.0)
+    assert asked_of(one, "side_wind", {"steering_backlash": 1000.0}) == pytest.approx(30.0)
+    assert asked_of(one, "steering_backlash", {"side_wind": 1000.0}) == pytest.approx(15.0)
     hand = "steering: k*(1-cos(hand))"
     assert asked_of(one, "steering_ratio", {hand: 400.0}) == pytest.approx(400.0)
     assert asked_of(one, "steering_ratio", {"steering: k*vx^2": 400.0}) == pytest.approx(100.0)

@@ -9,17 +9,21 @@ import numpy as np
 import pytest
 
 from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.trials import Step, all_tried, enough_first
+from dsz_daemon.diagnose.trials import Step, Trial, all_tried, enough_first
 
 _X = np.zeros(1)
 
 
-def _trial(fitted: list[str], gains: dict[str, list[float]], effects: tuple[str, ...]) -> Any:
-    """A trial in which candidates gain what is said, start by start; `fitted` hears which were tried."""
+def _trial(
+    fitted: list[str], gains: dict[str, list[float]], effects: tuple[str, ...], leaders: list[float] | None = None
+) -> Any:
+    """A trial in which candidates gain what is said, start by start; `fitted` hears which were tried, beside whom."""
+    leaders = [] if leaders is None else leaders
     left = {effect: list(each) for effect, each in gains.items()}
 
-    def fit(start: Any) -> Step:
+    def fit(start: Any, _each: Any = map, leader: float = 0.0) -> Step:
         fitted.append(start[0][-1])
+        leaders.append(leader)
         return Step(start[0][-1], left[start[0][-1]].pop(0), None)  # type: ignore[arg-type]
 
     return SimpleNamespace(fit=fit, judge=lambda step, _each: step, drive=None, best=SimpleNamespace(effects=effects))
@@ -40,7 +44,7 @@ def _enough(steps: list[Step]) -> list[Step]:
         (50.0, ("a", "b"), ["gyro_scale"], "gyro_scale", {"road_bank"}),
         (5.0, ("a", "b"), ["gyro_scale", "road_bank"], "road_bank", set()),
         (-5.0, ("a", "b"), ["gyro_scale", "road_bank"], "road_bank", {"gyro_scale"}),
-        (50.0, ("a",), ["road_bank", "gyro_scale"], "gyro_scale", set()),
+        (50.0, ("a",), ["gyro_scale", "road_bank"], "gyro_scale", set()),
     ],
 )
 def test_what_lost_waits_until_of_the_others_none_gains_enough(
@@ -53,14 +57,69 @@ def test_what_lost_waits_until_of_the_others_none_gains_enough(
     assert (fitted, steps[0].effect, waiting) == (tried, best, waits)
 
 
-def test_what_takes_longest_is_begun_first_and_comes_in_its_turn() -> None:
+def test_what_takes_long_comes_last_and_knows_what_the_others_came_to() -> None:
     fitted: list[str] = []
-    gains = {"side_wind": [30.0], "gyro_scale": [30.0], "road_bank": [30.0], "road_grade": [30.0]}
-    starts = [((name,), _X) for name in ("side_wind", "road_grade", "gyro_scale", "road_bank")]
-    steps, _ = all_tried(_trial(fitted, gains, ()), starts, (), _enough, map)
-    assert fitted == ["road_grade", "road_bank", "side_wind", "gyro_scale"]
+    leaders: list[float] = []
+    gains = {"side_wind": [30.0], "gyro_scale": [50.0], "low_friction": [30.0], "road_bank": [30.0]}
+    starts = [((name,), _X) for name in ("side_wind", "low_friction", "gyro_scale", "road_bank")]
+    steps, _ = all_tried(_trial(fitted, gains, (), leaders), starts, (), _enough, map)
+    assert fitted == ["side_wind", "gyro_scale", "road_bank", "low_friction"]
+    assert leaders == [0.0, 0.0, 50.0, 50.0]
     # Of those that gain alike the first is the first.
-    assert [step.effect for step in steps] == ["side_wind", "road_grade", "gyro_scale", "road_bank"]
+    assert [step.effect for step in steps] == ["gyro_scale", "side_wind", "low_friction", "road_bank"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "leader", "gains", "asked"),
+    [
+        # Far behind, and no further: the first time nothing is known of that.
+        ("road_bank", 400.0, [37.0, 38.0, 39.0], 2),
+        ("road_bank", 400.0, [6.0, 50.0, 52.0], 3),
+        ("road_bank", 400.0, [6.0, 150.0, 151.0], 3),
+        ("sensor_saturation", 400.0, [37.0, 38.0, 39.0], 2),
+        # A leader that gains little is none.
+        ("road_bank", 50.0, [3.0, 3.0, 3.0], 3),
+        ("road_bank", 400.0, [70.0, 70.0, 70.0], 3),
+        # What a profile has lost no rounds bring back, whoever leads.
+        ("road_bank", 0.0, [-21.0, 10.0], 1),
+    ],
+)
+def test_what_stands_still_far_behind_a_leader_is_left_there(
+    monkeypatch: pytest.MonkeyPatch, effect: str, leader: float, gains: list[float], asked: int
+) -> None:
+    left = list(gains)
+    monkeypatch.setattr(trials_module, "gained", lambda *_: left.pop(0) if left else 0.0)
+    monkeypatch.setattr(trials_module, "is_implausible", lambda *_: False)
+    monkeypatch.setattr(trials_module, "does_nothing", lambda *_: False)
+    monkeypatch.setattr(trials_module, "exactly", lambda *_: None)
+    rounds: list[int] = []
+
+    def fitted(*arguments: Any) -> None:
+        is_hopeless = arguments[-1]
+        for k in range(1, len(gains) + 1):
+            rounds.append(k)
+            if is_hopeless(None):
+                break
+
+    monkeypatch.setattr(trials_module, "fitted", fitted)
+    none: Any = None
+    trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
+    trial.fit(((effect,), _X), map, leader)
+    assert len(rounds) == asked
+
+
+def test_what_has_no_profile_is_not_asked_without_a_leader(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(trials_module, "gained", lambda *_: 0.0)
+    monkeypatch.setattr(trials_module, "is_implausible", lambda *_: False)
+    monkeypatch.setattr(trials_module, "does_nothing", lambda *_: False)
+    monkeypatch.setattr(trials_module, "fitted", lambda *arguments: asked.append(arguments[-1]))
+    none: Any = None
+    trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
+    trial.fit((("tyre_saturation",), _X), map, 30.0)
+    trial.fit((("tyre_saturation",), _X), map, 300.0)
+    assert asked[0] is None
+    assert asked[1] is not None
 
 
 def test_what_gains_from_one_of_its_starts_does_not_wait() -> None:

@@ -1,0 +1,90 @@
+"""diagnose: what turns a car otherwise than any name has it is given none of these names."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
+
+from dsz_daemon.diagnose import answer
+from dsz_daemon.diagnose.answer import answered
+from dsz_daemon.diagnose.level import level_of, turned_by_another
+from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.runs.diagnose import words
+
+GYRO_Z, ACCEL_Y = 2, 4
+
+
+@pytest.mark.parametrize(
+    ("effects", "level", "names", "channels"),
+    [
+        (("cornering_stiffness",), {"gyro_z": 2.6, "accel_y": 2.2}, {"cornering_stiffness"}, ["gyro_z", "accel_y"]),
+        (("imu_delay", "mass_loading"), {"gyro_z": 9.0, "accel_y": 9.0}, {"mass_loading"}, ["gyro_z", "accel_y"]),
+        (("steering_delay", "steering_ratio"), {"gyro_z": 2.0}, {"steering_delay", "steering_ratio"}, ["gyro_z"]),
+        # One channel that is right is enough: the other's instrument may be what is wrong.
+        (("steering_ratio",), {"gyro_z": 0.9, "accel_y": 60.0}, set(), []),
+        (("steering_ratio",), {"gyro_z": 60.0, "accel_y": 1.4}, set(), []),
+        (("steering_ratio",), {"accel_x": 60.0}, set(), []),
+        # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
+        (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
+        (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
+    ],
+)
+def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
+    effects: tuple[str, ...], level: dict[str, float], names: set[str], channels: list[str]
+) -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects))
+    assert turned_by_another(search, level) == (names, channels)
+
+
+def _swinging(share: float, at_m: float, hz: float) -> Drive:
+    """What soft rear tyres would do, and a share of the mass on a spring across the car, so far ahead of the C.G."""
+    one = drive({"cornering_stiffness.rear_scale": -0.25}, CITY_V, CITY_STEER)
+    w, dt, damping = 2.0 * np.pi * hz, float(T[1] - T[0]), 0.15
+    s = speed = yaw = slide = 0.0
+    push = np.zeros((len(T), 2))
+    for k, across in enumerate(np.nan_to_num(one.measured[:, ACCEL_Y])):
+        force = share * (w * w * s + 2.0 * damping * w * speed)
+        speed += dt * (-w * w * s - 2.0 * damping * w * speed - across)
+        s += dt * speed
+        # What it was at rest on the car is in the car's mass already; the tyres take most of a push within 0.2 s.
+        more = force + share * across
+        yaw += dt * (at_m * more / 1.6 - yaw / 0.2)
+        slide += dt * (more - slide / 0.2)
+        push[k] = yaw, more - 0.5 * slide
+    measured = one.measured.copy()
+    measured[:, [GYRO_Z, ACCEL_Y]] += push
+    return one._replace(measured=measured)
+
+
+def test_what_turns_a_car_by_tyres_and_swings_is_no_stiffness_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(_swinging(0.05, -0.9, 0.6))
+    turns = turned_by_another(search, level_of(search))[0]
+    told = answered(search)
+    assert turns
+    assert turns.isdisjoint(cause.effect for cause in told.causes)
+    assert told.parameter_errors == []
+    assert told.verdict in {"unexplained", "partly_explained"}
+    # Else it would be told as that.
+    monkeypatch.setattr(answer, "turned_by_another", lambda *_: (set(), []))
+    assert turns & {cause.effect for cause in answered(search).causes}
+
+
+def test_a_stiffness_that_is_one_has_its_name() -> None:
+    search = found(drive({"cornering_stiffness.rear_scale": -0.25}, CITY_V, CITY_STEER))
+    assert turned_by_another(search, level_of(search)) == (set(), [])
+
+
+@pytest.mark.parametrize(
+    ("level", "line"),
+    [
+        ({"gyro_z": 2.57, "accel_y": 1.6, "accel_x": 1.4}, "not explained: gyro_z 2.6 times, accel_y 1.6 times what"),
+        ({"gyro_z": 11.4, "accel_y": 2.9, "accel_x": 3.2}, "not explained: gyro_z 11 times, accel_x 3 times what"),
+    ],
+)
+def test_what_is_not_explained_is_said_with_how_much(level: dict[str, float], line: str) -> None:
+    keys = ("causes", "parameter_errors", "unlisted", "same_as_offsets", "same_as_slip", "located", "could_not_test")
+    assert line in words({key: [] for key in keys} | {"verdict": "unexplained", "level": level, "fit": {}})
