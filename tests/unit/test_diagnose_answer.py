@@ -197,7 +197,7 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     told = answer._offsets(search)
     assert told["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * (0.05 - 0.04), abs=1e-4)
     assert told["offset_accel_y"][0] == pytest.approx(0.2 + 9.80665 * (-0.02 + 0.03), abs=1e-4)
-    named: Any = [SimpleNamespace(effect="imu_misalignment")]
+    named = ["imu_misalignment"]
     assert answer._offsets(search, named)["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4)
 
 
