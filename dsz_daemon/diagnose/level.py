@@ -58,11 +58,14 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     """Names of what turns a car that leave it turning otherwise, and the channels that show it; none where one doesn't.
 
     Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
-    the lateral acceleration are right then, not just better. At the limit of grip no simulation has either right.
+    the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
+    simulation has either right.
     """
-    names = _TURN & set(found.best.effects)
+    names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     off = [level[channel] for channel in _OF_A_TURN if channel in level]
-    if not names or not off or min(off) < TURNED or GRIP & set(found.best.effects):
+    if not names or not off or min(off) < TURNED:
+        return set(), []
+    if max((found.gains[limit] for limit in limits), default=0.0) > max(found.gains[name] for name in names):
         return set(), []
     return names, [channel for channel in _OF_A_TURN if channel in level]
 

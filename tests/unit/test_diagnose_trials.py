@@ -108,6 +108,32 @@ def test_what_stands_still_far_behind_a_leader_is_left_there(
     assert len(rounds) == asked
 
 
+@pytest.mark.parametrize(
+    ("leader", "gain", "is_moved"), [(0.0, 1.0, True), (0.0, -1.0, False), (400.0, 59.0, False), (400.0, 61.0, True)]
+)
+def test_where_a_stretch_begins_is_looked_for_where_it_is_worth_it(
+    monkeypatch: pytest.MonkeyPatch, leader: float, gain: float, is_moved: bool
+) -> None:
+    moved: list[int] = []
+
+    def with_best_moments(*_: Any) -> np.ndarray:
+        moved.append(1)
+        return _X
+
+    monkeypatch.setattr(trials_module, "gained", lambda *_: gain)
+    for never in ("is_implausible", "does_nothing"):
+        monkeypatch.setattr(trials_module, never, lambda *_: False)
+    monkeypatch.setattr(trials_module, "with_best_moments", with_best_moments)
+    monkeypatch.setattr(trials_module, "moments_of", lambda _: [0])
+    fit: Any = SimpleNamespace(x=_X)
+    monkeypatch.setattr(trials_module, "fitted", lambda *_: fit)
+    monkeypatch.setattr(trials_module, "exactly", lambda *_: fit)
+    none: Any = None
+    trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
+    trial.fit((("low_friction",), _X), map, leader)
+    assert bool(moved) is is_moved
+
+
 def test_what_has_no_profile_is_not_asked_without_a_leader(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(trials_module, "gained", lambda *_: 0.0)

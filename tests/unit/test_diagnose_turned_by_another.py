@@ -30,13 +30,16 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("steering_ratio",), {"accel_x": 60.0}, set(), []),
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
         (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
-        (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
+        (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
+        # But for one that explains less than what it is beside.
+        (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0}, {"steering_ratio"}, ["gyro_z"]),
     ],
 )
 def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
     effects: tuple[str, ...], level: dict[str, float], names: set[str], channels: list[str]
 ) -> None:
-    search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects))
+    gains = {effect: 100.0 / (1.0 + i) for i, effect in enumerate(effects)}
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects), gains=gains)
     assert turned_by_another(search, level) == (names, channels)
 
 
