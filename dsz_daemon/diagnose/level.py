@@ -25,7 +25,7 @@ _COLOURED = 2.0
 # on the cars of six simulators; a load that swings, a trailer, a stability control, rear wheels that steer, where they
 # were told by such a name, 1.85 times at least.
 TURNED = 1.5
-_OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay"}
+OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay"}
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -62,12 +62,12 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     simulation has either right.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
-    off = [level[channel] for channel in _OF_A_TURN if channel in level]
+    off = [level[channel] for channel in OF_A_TURN if channel in level]
     if not names or not off or min(off) < TURNED:
         return set(), []
     if max((found.gains[limit] for limit in limits), default=0.0) > max(found.gains[name] for name in names):
         return set(), []
-    return names, [channel for channel in _OF_A_TURN if channel in level]
+    return names, [channel for channel in OF_A_TURN if channel in level]
 
 
 def verdict(explained: bool, left: bool) -> str:

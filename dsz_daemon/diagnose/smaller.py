@@ -30,7 +30,7 @@ _SHARE_OF_LIMIT = 0.2
 _SHARE_OF_SHAPE = 0.1
 # And what wheels' sizes are beside tyres that grow, each as it likes and by some power of the speed, and beside slip,
 # whose force is no one's to tell.
-_OF_SIZES = {
+_OF_ANOTHER = {
     ("wheel_growth", "track_width"): 0.1,
     ("wheel_growth", "wheel_radius"): 0.1,
     ("wheel_square", "wheel_radius"): 0.5,
@@ -38,10 +38,9 @@ _OF_SIZES = {
     ("nose_lift", "accel_scale"): 0.1,
     ("nose_lift", "wheel_growth"): 0.1,
     ("wheel_slip", "wheel_radius"): 0.05,
+    # Just when front wheels let go no simulation knows to the row, and what that leaves turns a car as a push does.
+    ("steering_backlash", "side_wind"): 0.03,
 }
-# And a wind beside play: just when front wheels let go no simulation knows to the row, and what that leaves turns a car
-# as a push does.
-_OF_PLAY = {("steering_backlash", "side_wind"): 0.03}
 # The hand wheel's sine, of which a ratio is one half: an eccentric sensor has both.
 _OF_THE_HAND, _SHARE_OF_HAND = "hand", 1.0
 # A ratio that follows the speed is no number: what is left of it does not come of a simulation's form.
@@ -71,10 +70,9 @@ def asked_of(drive: Drive, effect: str, gains: Mapping[str, float]) -> float:
 
 
 def _share_of(drive: Drive, effect: str, other: str) -> float:
-    """What an effect has to gain of what another does, if one of them is a shape and the other has a name."""
-    for shares in (_OF_SIZES, _OF_PLAY):
-        if (other, effect) in shares:
-            return shares[other, effect]
+    """What an effect has to gain of what another does: some do by themselves, else a shape and a name."""
+    if (other, effect) in _OF_ANOTHER:
+        return _OF_ANOTHER[other, effect]
     if is_shape(effect) == is_shape(other):
         return 0.0
     shape, name = (effect, other) if is_shape(effect) else (other, effect)

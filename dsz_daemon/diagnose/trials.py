@@ -138,7 +138,8 @@ class Trial:
             return stands or gains[-1] < _LOST or is_implausible(self.drive, self.rows, fit, new)
 
         asked = is_hopeless if new in OWN_CHANNEL or behind > 0.0 else None
-        return fitted(self.drive, self.rows, x, effects, self.tolerance, 1e-3, each, known, felt, asked)
+        start = (self.drive, self.rows, x, effects, self.tolerance)
+        return fitted(*start, each=each, known=known, felt=felt, is_hopeless=asked)
 
     def judge(self, step: Step, each: Each = map) -> Step:
         """By its own slopes, and by what other manoeuvres say."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsz_daemon.diagnose import diagnose as diagnosed
 from dsz_daemon.diagnose.fit_columns import columns_of_fit
-from dsz_daemon.diagnose.level import TURNED, UNEXPLAINED
+from dsz_daemon.diagnose.level import OF_A_TURN, TURNED, UNEXPLAINED
 from dsz_daemon.diagnose.recording import Floats
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
@@ -139,9 +139,12 @@ def words(result: dict[str, Any]) -> str:
         told = end_of(shape) or f"{shape['channel']}: {shape['shape']} with k = {k}"
         lines.append(f"- {told}, for which there is no name")
     lines += [f"- {one['statement']}" for key in ("same_as_offsets", "same_as_slip") for one in result[key]]
-    most = max(result["level"].values(), default=0.0)
-    least, digits = (UNEXPLAINED, 0) if most > UNEXPLAINED else (TURNED, 1)
-    off = [f"{name} {value:.{digits}f} times" for name, value in result["level"].items() if value > least]
+    levels, off = result["level"], list[str]()
+    if any(value > UNEXPLAINED for value in levels.values()):
+        off = [f"{name} {value:.0f} times" for name, value in levels.items() if value > UNEXPLAINED]
+    elif not result["unlisted"]:
+        # What is left is how the car turns: by less, but by too much for the name that it would have.
+        off = [f"{name} {levels[name]:.1f} times" for name in OF_A_TURN if levels.get(name, 0.0) > TURNED]
     if off and result["verdict"] in {"unexplained", "partly_explained"}:
         lines.append(f"- not explained: {', '.join(off)} what noise and the simulation's coarseness leave")
     for place in result["located"][:3]:

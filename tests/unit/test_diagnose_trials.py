@@ -94,8 +94,7 @@ def test_what_stands_still_far_behind_a_leader_is_left_there(
     monkeypatch.setattr(trials_module, "exactly", lambda *_: None)
     rounds: list[int] = []
 
-    def fitted(*arguments: Any) -> None:
-        is_hopeless = arguments[-1]
+    def fitted(*_: Any, is_hopeless: Any, **__: Any) -> None:
         for k in range(1, len(gains) + 1):
             rounds.append(k)
             if is_hopeless(None):
@@ -126,7 +125,7 @@ def test_where_a_stretch_begins_is_looked_for_where_it_is_worth_it(
     monkeypatch.setattr(trials_module, "with_best_moments", with_best_moments)
     monkeypatch.setattr(trials_module, "moments_of", lambda _: [0])
     fit: Any = SimpleNamespace(x=_X)
-    monkeypatch.setattr(trials_module, "fitted", lambda *_: fit)
+    monkeypatch.setattr(trials_module, "fitted", lambda *_, **__: fit)
     monkeypatch.setattr(trials_module, "exactly", lambda *_: fit)
     none: Any = None
     trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
@@ -139,7 +138,7 @@ def test_what_has_no_profile_is_not_asked_without_a_leader(monkeypatch: pytest.M
     monkeypatch.setattr(trials_module, "gained", lambda *_: 0.0)
     monkeypatch.setattr(trials_module, "is_implausible", lambda *_: False)
     monkeypatch.setattr(trials_module, "does_nothing", lambda *_: False)
-    monkeypatch.setattr(trials_module, "fitted", lambda *arguments: asked.append(arguments[-1]))
+    monkeypatch.setattr(trials_module, "fitted", lambda *_, is_hopeless, **__: asked.append(is_hopeless))
     none: Any = None
     trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
     trial.fit((("tyre_saturation",), _X), map, 30.0)

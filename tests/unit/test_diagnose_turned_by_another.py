@@ -82,12 +82,24 @@ def test_a_stiffness_that_is_one_has_its_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("level", "line"),
+    ("level", "unlisted", "line"),
     [
-        ({"gyro_z": 2.57, "accel_y": 1.6, "accel_x": 1.4}, "not explained: gyro_z 2.6 times, accel_y 1.6 times what"),
-        ({"gyro_z": 11.4, "accel_y": 2.9, "accel_x": 3.2}, "not explained: gyro_z 11 times, accel_x 3 times what"),
+        ({"gyro_z": 2.57, "accel_y": 1.6, "accel_x": 2.9}, [], "gyro_z 2.6 times, accel_y 1.6 times"),
+        ({"gyro_z": 11.4, "accel_y": 2.9, "accel_x": 3.2}, [], "gyro_z 11 times, accel_x 3 times"),
+        # Then a shape is what has no name, and the rest is explained.
+        ({"gyro_z": 2.57, "accel_y": 1.6}, ["accel_x"], None),
     ],
 )
-def test_what_is_not_explained_is_said_with_how_much(level: dict[str, float], line: str) -> None:
-    keys = ("causes", "parameter_errors", "unlisted", "same_as_offsets", "same_as_slip", "located", "could_not_test")
-    assert line in words({key: [] for key in keys} | {"verdict": "unexplained", "level": level, "fit": {}})
+def test_what_is_not_explained_is_said_with_how_much(
+    level: dict[str, float], unlisted: list[str], line: str | None
+) -> None:
+    keys = ("causes", "parameter_errors", "same_as_offsets", "same_as_slip", "located", "could_not_test")
+    coefficient = {"value": 1.0, "std": 0.1, "unit": "1"}
+    shapes = [{"channel": channel, "shape": "k*vx", "coefficient": coefficient} for channel in unlisted]
+    result: dict[str, Any] = {key: [] for key in keys}
+    result |= {"verdict": "unexplained", "level": level, "fit": {}, "unlisted": shapes}
+    told = words(result)
+    if line is None:
+        assert "not explained" not in told
+    else:
+        assert f"not explained: {line} what noise" in told
