@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import can
-
 from dsz_daemon.config.nearest import did_you_mean
 from dsz_daemon.config.settings import Settings
 from dsz_daemon.config.vehicle import VehicleSettings
@@ -42,11 +40,17 @@ def _inertia(vehicle: VehicleSettings) -> list[str]:
 
 def _interfaces(settings: Settings) -> list[str]:
     """An interface may come with a plugin that only the vehicle has: no fault, but most likely a slip."""
+    others = {name: bus for name, bus in settings.bus.items() if bus.interface != "socketcan"}
+    if not others:
+        return []
+    # Half a second, where whatever it reads logs with is installed.
+    from can import VALID_INTERFACES
+
     return [
         f"bus.{name}.interface: {bus.interface!r} is not known to python-can here"
-        f"{did_you_mean(bus.interface, can.VALID_INTERFACES)}"
-        for name, bus in settings.bus.items()
-        if bus.interface not in can.VALID_INTERFACES
+        f"{did_you_mean(bus.interface, VALID_INTERFACES)}"
+        for name, bus in others.items()
+        if bus.interface not in VALID_INTERFACES
     ]
 
 

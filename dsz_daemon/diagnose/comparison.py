@@ -46,6 +46,8 @@ STILL_MPS = 0.05
 # Sines for angles, counted poles, a message's milliseconds: of a channel's own movement, this much is no physics.
 FORM = 0.003
 _STEEPEST = 1e9
+# One column at a time would be mostly waiting for each other.
+_HEAPS = 6
 WHEEL_FORM = 0.0004
 # Of fewer rows nothing is said.
 _FEWEST_ROWS = 10
@@ -287,15 +289,22 @@ def sensitivities(
             step *= 0.1
         moved = x.copy()
         moved[i] += step
+        stays = not rolls & {effect, parameter.name}
         if felt is not None and felt.changes_with(effect):
-            there = predicted(drive, moved, felt(moved))
+            other = felt(moved)
+            stays &= np.array_equal(other.grade_rad, road.grade_rad) and np.array_equal(other.grip, road.grip)
+            there = predicted(drive, moved, other, moving.rolling if stays else None)
         elif i in SHOWN or touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)
         else:
-            there = predicted(drive, moved, road, None if rolls & {effect, parameter.name} else moving.rolling)
+            there = predicted(drive, moved, road, moving.rolling if stays else None)
         _per_step(there, base, rows.at, rows.used, step, found[at])
 
-    for _ in each(take, range(len(columns))):
+    def take_some(first: int) -> None:
+        for at in range(first, len(columns), _HEAPS):
+            take(at)
+
+    for _ in each(take_some, range(_HEAPS)):
         pass
     known = np.empty((*rows.used.shape, 0)) if known is None else known
     return _with_own_offsets(rows, _by_row(known, found))

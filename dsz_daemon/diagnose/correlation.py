@@ -20,7 +20,8 @@ def correlated_rows(left: Floats, used: Bools) -> Floats:
     # Filled up with zeros, so that no end meets the beginning within these lags.
     reach = min(len(left), LONGEST_ROWS)
     n = next_fast_len(len(left) + reach, real=True)
-    lags = irfft(np.abs(rfft(mine, n)) ** 2, n)[:, :reach]
+    spectrum = rfft(mine, n)
+    lags = irfft(spectrum.real**2 + spectrum.imag**2, n)[:, :reach]
     for c, own in zip(there, lags, strict=True):
         if own[0] <= 0.0:
             continue

@@ -357,15 +357,22 @@ def likelihood_of(rows: Rows, left: Floats, per_row: Floats) -> float:
     return float(np.sum(_likelihood((power / per_row)[:, known], (count / per_row)[:, known])))
 
 
+@compiled
 def _likelihood(power: Floats, count: Floats) -> Floats:
     """Log likelihood (c,) of blocks with these sums of squares and numbers of independent rows (b, c), at its best.
 
     Each block scatters by itself about what its channel does: Student's distribution, with the scale that fits best.
     """
-    whole = count.sum(axis=0)
-    square = np.maximum(power.sum(axis=0) / whole, 1e-30)
-    for _ in range(_SCALE_ROUNDS):
-        square = np.sum((_PRIOR_ROWS + count) * power / (_PRIOR_ROWS + power / square), axis=0) / whole
-        square = np.maximum(square, 1e-30)
-    far = 0.5 * (_PRIOR_ROWS + count) * np.log1p(power / (_PRIOR_ROWS * square))
-    return np.asarray(-np.sum(far, axis=0) - 0.5 * whole * np.log(square), dtype=np.float64)
+    found = np.zeros(power.shape[1])
+    for c in range(len(found)):
+        whole = np.sum(count[:, c])
+        square = max(np.sum(power[:, c]) / whole, 1e-30)
+        for _ in range(_SCALE_ROUNDS):
+            scale = 0.0
+            for b in range(len(power)):
+                scale += (_PRIOR_ROWS + count[b, c]) * power[b, c] / (_PRIOR_ROWS + power[b, c] / square)
+            square = max(scale / whole, 1e-30)
+        for b in range(len(power)):
+            found[c] -= 0.5 * (_PRIOR_ROWS + count[b, c]) * math.log1p(power[b, c] / (_PRIOR_ROWS * square))
+        found[c] -= 0.5 * whole * math.log(square)
+    return found

@@ -42,9 +42,7 @@ def felt(
     grade_rad: Floats,
     lever_m: Floats,
     body_m: Floats,
-    rates_of_rates: Floats,
-    rates_of_forces: Floats,
-    forces_of_forces: Floats,
+    axes: Floats,
     dt_s: float,
     small_turns: float = 0.0,
     flat_roads: float = 0.0,
@@ -54,7 +52,7 @@ def felt(
 
     The last: above the roll axis, above and ahead of the pitch axis.
 
-    Of motion (n, 12), speed, its rate, bank and grade (n,). The matrices (3, 3) are the sensors': rates shown of
+    Of motion (n, 12), speed, its rate, bank and grade (n,). `axes` (3, 3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces. `small_turns`: of a body drawn for small angles (1) the vertical shows
     nothing of what it leans by; `flat_roads`: of a road drawn as a tilt alone (1) nothing of how the car follows it;
     `flat_bends`: of one whose tilts stay as they are as the car turns (1) the gyros show nothing of its turn.
@@ -97,9 +95,9 @@ def felt(
         force_z[i] = az + (pr - q_rate[i]) * x + (qr + p_rate[i]) * y - (pp + qq) * z
     shown = np.empty((6, n))
     for k in range(3):
-        of_p, of_q, of_r = rates_of_rates[k, 0], rates_of_rates[k, 1], rates_of_rates[k, 2]
-        by_x, by_y, by_z = rates_of_forces[k, 0], rates_of_forces[k, 1], rates_of_forces[k, 2]
-        of_x, of_y, of_z = forces_of_forces[k, 0], forces_of_forces[k, 1], forces_of_forces[k, 2]
+        of_p, of_q, of_r = axes[0, k, 0], axes[0, k, 1], axes[0, k, 2]
+        by_x, by_y, by_z = axes[1, k, 0], axes[1, k, 1], axes[1, k, 2]
+        of_x, of_y, of_z = axes[2, k, 0], axes[2, k, 1], axes[2, k, 2]
         for i in range(n):
             turned = of_p * p[i] + of_q * q[i] + of_r * r[i]
             shown[k, i] = turned + by_x * force_x[i] + by_y * force_y[i] + by_z * force_z[i]

@@ -73,10 +73,11 @@ _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspensi
 # What instruments alone make of the motion, though the effects that have these move the car, too.
 SHOWN = frozenset([*_BODY.tolist(), *_AS_DRAWN.tolist()])
 _RATES_OF_RATES, _FORCES_OF_FORCES = (_matrix(f"{kind}_scale", f"{kind}_cross_axis") for kind in ("gyro", "accel"))
-_RATES_OF_FORCES = _matrix("", "gyro_g_sensitivity")
+_SHOWN_OF = np.stack([_RATES_OF_RATES, _matrix("", "gyro_g_sensitivity"), _FORCES_OF_FORCES])
 _OFFSETS = _places("", " ".join(f"offset_{channel}" for channel in IMU_CHANNELS))
 _DRIFTS, _FADES = _places("bias_drift", " ".join(IMU_CHANNELS)), INDEX["bias_drift.fades_per_s"]
 _ONES = np.eye(3)
+_OWN = np.stack([_ONES, 0.0 * _ONES, _ONES])
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
@@ -132,11 +133,11 @@ def flat(n: int) -> Profiles:
 
 def on_road(road: Profiles, x: Floats) -> Profiles:
     """The road with the corrections that `x` puts on its profiles, and with its slippery stretch."""
-    n = len(road.bank_rad)
-    corrected = []
-    for name, profile in (("road_bank", road.bank_rad), ("road_grade", road.grade_rad)):
-        corrected.append(profile + correction(x, name, n))
-    grip = road.grip + x[INDEX["tyre_saturation.inverse_square"]]
+    n, tilts = len(road.bank_rad), (("road_bank", road.bank_rad), ("road_grade", road.grade_rad))
+    more = [correction(x, name, n) for name, _ in tilts]
+    corrected = [tilt + own if len(own) == n else tilt for (_, tilt), own in zip(tilts, more, strict=True)]
+    ends = x[INDEX["tyre_saturation.inverse_square"]]
+    grip = road.grip + ends if ends != 0.0 else road.grip
     slippery = x[INDEX["low_friction.inverse_square"]]
     if slippery != 0.0:
         start, end = x[INDEX["low_friction.start_s"]] / DT_S, x[INDEX["low_friction.end_s"]] / DT_S
@@ -367,8 +368,7 @@ def _imu(x: Floats, moving: Moving, ahead_m: float) -> Floats:
         moving.road.grade_rad,
         x[_LEVER] + np.array([ahead_m, 0.0, 0.0]),
         x[_BODY],
-        *gyros_of(x),
-        (_ONES + x[_FORCES_OF_FORCES]) @ _turned(x),
+        _axes_of(x),
         DT_S,
         *x[_AS_DRAWN].tolist(),
     )
@@ -386,8 +386,13 @@ def _turned(x: Floats) -> Floats:
 
 def gyros_of(x: Floats) -> tuple[Floats, Floats]:
     """What the gyros show of the car's rates, and of the forces that the IMU feels (3, 3)."""
-    turn = _turned(x)
-    return (_ONES + x[_RATES_OF_RATES]) @ turn, x[_RATES_OF_FORCES] @ turn
+    of_rates, of_forces, _ = _axes_of(x)
+    return of_rates, of_forces
+
+
+def _axes_of(x: Floats) -> Floats:
+    """What is shown of what (3, 3, 3): rates of rates, rates of forces, forces of forces."""
+    return np.asarray((_OWN + x[_SHOWN_OF]) @ _turned(x))
 
 
 def nothing(vocabulary: Vocabulary = BUILT_IN) -> Floats:

@@ -112,12 +112,14 @@ def rolling(
         front_slip, rear_slip = _slips(rate_of(v, DT_S) + against_mps2, slip.slip_per_force, shares)
         front_lightens, rear_lightens = _lightens(car, shares, v, slip.ahead_load_m)
         front_slip, rear_slip = front_slip * front_lightens, rear_slip * rear_lightens
-    kept = np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
-    front_mps = rolled_mps * kept if by_front else np.zeros(0)
+    front_mps = rolled_mps if by_front else np.zeros(0)
+    if by_front and v is not before:
+        front_mps = rolled_mps * np.divide(v, before, out=np.ones(len(v)), where=before > 0.0)
     free = free_of(car, slip.front_brakes_more, v, ellipse, grade_rad)
     rate = rate_of(v, DT_S)
-    pull_mps2 = rate + aside[2] * (G * grade_rad + _ROLLS_MPS2 + _AIR_PER_M * v * v)
-    steer_rad = steer_rad + np.where(pull_mps2 > 0.0, aside[0], aside[1]) * pull_mps2
+    if any(aside[:2]):
+        pull_mps2 = rate + aside[2] * (G * grade_rad + _ROLLS_MPS2 + _AIR_PER_M * v * v)
+        steer_rad = steer_rad + np.where(pull_mps2 > 0.0, aside[0], aside[1]) * pull_mps2
     return Rolling(steer_rad, v, rate, front_mps, front_slip, rear_slip, *free)
 
 

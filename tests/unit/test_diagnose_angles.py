@@ -84,7 +84,7 @@ def test_on_a_road_the_vertical_reading_has_the_turn_times_the_speed() -> None:
     moved[:, 0] = 2.0
     none, level = np.zeros(3), np.eye(3)
     arguments = (moved, np.full(n, 20.0), np.zeros(n), 0.01 * time_s, 0.03 * time_s)
-    shown = felt(*arguments, none, none, level, np.zeros((3, 3)), level, dt_s)
+    shown = felt(*arguments, none, none, np.stack([level, 0.0 * level, level]), dt_s)
     np.testing.assert_allclose(shown[:, 0], 0.01, atol=1e-12)
     np.testing.assert_allclose(shown[:, 1], -0.03, atol=1e-12)
     upright = 9.80665 * np.cos(0.01 * time_s) * np.cos(0.03 * time_s)
@@ -100,7 +100,7 @@ def test_a_body_drawn_for_small_angles_leans_without_its_vertical(small_turns: f
     moved[:, 3], moved[:, 5], moved[:, 7] = across, lean, dive
     none, level = np.zeros(3), np.eye(3)
     still = (moved, np.full(2, 20.0), np.full(2, along), np.zeros(2), np.zeros(2))
-    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, small_turns)
+    shown = felt(*still, none, none, np.stack([level, 0.0 * level, level]), 0.01, small_turns)
     pushed = (1.0 - small_turns) * (along * np.sin(dive) - across * np.sin(lean))
     np.testing.assert_allclose(shown[:, 5], 9.80665 * np.cos(lean) * np.cos(dive) + pushed, rtol=1e-12)
     np.testing.assert_allclose(shown[:, 4], across * np.cos(lean) + 9.80665 * np.sin(lean), rtol=1e-12)
@@ -112,7 +112,7 @@ def test_a_road_drawn_as_a_tilt_alone_lifts_no_car(flat_roads: float) -> None:
     grade = np.array([0.0, 2e-4, 4e-4])
     none, level, n = np.zeros(3), np.eye(3), 3
     still = (np.zeros((n, 12)), np.full(n, 20.0), np.zeros(n), np.zeros(n), grade)
-    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, 0.0, flat_roads)
+    shown = felt(*still, none, none, np.stack([level, 0.0 * level, level]), 0.01, 0.0, flat_roads)
     np.testing.assert_allclose(shown[:, 1], -0.02, atol=1e-12)
     np.testing.assert_allclose(shown[:, 3], 9.80665 * np.sin(grade), atol=1e-12)
     np.testing.assert_allclose(shown[:, 5], 9.80665 * np.cos(grade) + (1.0 - flat_roads) * 0.4, atol=1e-12)
@@ -125,7 +125,7 @@ def test_on_a_road_whose_tilts_stay_no_gyro_shows_what_the_cars_turn_has_of_them
     moved[:, 1] = 0.3
     none, level = np.zeros(3), np.eye(3)
     still = (moved, np.full(n, 20.0), np.zeros(n), np.full(n, 0.05), np.full(n, 0.02))
-    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01, 0.0, 0.0, flat_bends)
+    shown = felt(*still, none, none, np.stack([level, 0.0 * level, level]), 0.01, 0.0, 0.0, flat_bends)
     np.testing.assert_allclose(shown[:, 0], (1.0 - flat_bends) * 0.3 * 0.02, atol=1e-12)
     np.testing.assert_allclose(shown[:, 1], (1.0 - flat_bends) * 0.3 * 0.05, atol=1e-12)
     # What pitches lifts the car, too.
@@ -156,7 +156,7 @@ def test_what_the_body_leans_and_dives_turns_with_the_car() -> None:
     moved[:, 1], moved[:, 5], moved[:, 7] = 0.3, 0.05, 0.02
     none, level = np.zeros(3), np.eye(3)
     still = (moved, np.full(n, 20.0), np.zeros(n), np.zeros(n), np.zeros(n))
-    shown = felt(*still, none, none, level, np.zeros((3, 3)), level, 0.01)
+    shown = felt(*still, none, none, np.stack([level, 0.0 * level, level]), 0.01)
     np.testing.assert_allclose(shown[:, :3], np.tile([-0.006, 0.015, 0.3], (n, 1)), atol=1e-12)
 
 
@@ -170,14 +170,14 @@ def test_at_a_place_the_imu_feels_what_a_rigid_body_does_there() -> None:
     moved[:, 2] = np.gradient(moved[:, 1], 0.01)
     road = (0.05 * np.sin(time_s), 0.03 * np.cos(2.0 * time_s))
     car = (moved, np.full(n, 20.0), np.sin(time_s), *road)
-    none, level, still = np.zeros(3), np.eye(3), np.zeros((3, 3))
+    none, own = np.zeros(3), np.stack([np.eye(3), np.zeros((3, 3)), np.eye(3)])
     rho = np.array([0.7, -0.3, 0.4])
-    at_the_cg = felt(*car, none, none, level, still, level, 0.01)
+    at_the_cg = felt(*car, none, none, own, 0.01)
     rates = at_the_cg[:, :3]
     turns = np.gradient(rates, 0.01, axis=0)
     forces = at_the_cg[:, 3:] + np.cross(turns, rho) + np.cross(rates, np.cross(rates, rho))
     of_rates, of_forces, by_forces = (np.asarray(rng.normal(size=(3, 3))) for _ in range(3))
-    shown = felt(*car, rho, none, of_rates, by_forces, of_forces, 0.01)
+    shown = felt(*car, rho, none, np.stack([of_rates, by_forces, of_forces]), 0.01)
     np.testing.assert_allclose(shown[:, :3], rates @ of_rates.T + forces @ by_forces.T, atol=1e-12)
     np.testing.assert_allclose(shown[:, 3:], forces @ of_forces.T, atol=1e-12)
 
