@@ -50,6 +50,16 @@ NAMELESS = (
         (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
     ),
     Effect(
+        "steering_friction",
+        "The front wheels stay {width_rad:.4f} rad apart by the way that they are turned, softly",
+        "delta = hand / ratio - z width/2, z' = (sign(delta') - z) |delta'| / s, s = (1 + k) width/2",
+        CAR,
+        (
+            Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),
+            Parameter("softness", "1", 0.5, -0.9, 3.0, math.inf),
+        ),
+    ),
+    Effect(
         "nose_lift",
         "The nose lifts by {rad_per_v2:.1e} rad of the square of the speed",
         "theta = -k v^2",

@@ -1,4 +1,4 @@
-"""Play between the hand wheel and the road wheels: what of the steering is lost in it.
+"""Play and friction between the hand wheel and the road wheels: what of the steering is lost in them.
 
 What is compared has passed a low-pass, and so has the steering, which a car that follows it linearly does not mind.
 Play does: a hand that trembles within it moves nothing, and none of its trembling is left behind the low-pass. So the
@@ -7,6 +7,7 @@ angle goes through the play as it was recorded, and through the low-pass then.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,21 @@ def geared(angle_rad: Floats, steering_ratio: float, scale: float, per_rad: floa
     if scale == 0.0 and per_rad == 0.0:
         return angle_rad
     return angle_rad / (1.0 + scale + per_rad * steering_ratio * np.abs(angle_rad))
+
+
+@compiled
+def held_back(angle_rad: Floats, width_rad: float, softness: float) -> Floats:
+    """By how much what is dragged against dry friction (n,) stands behind; it has stood in the middle at first.
+
+    Dahl's friction (Aerospace Corp. TOR-0158(3107-18)-1, 1968, with exponent 1) against a spring: after each turn what
+    is still to be lost goes down by e on a way of (1 + `softness`) width / 2. Play loses it evenly, on the width.
+    """
+    lost, half = np.zeros(len(angle_rad)), 0.5 * width_rad
+    for i in range(1, len(angle_rad)):
+        way = angle_rad[i] - angle_rad[i - 1]
+        keeps = math.exp(-abs(way) / ((1.0 + softness) * half))
+        lost[i] = keeps * lost[i - 1] + (1.0 - keeps) * math.copysign(half, way)
+    return lost
 
 
 def lost_in_play(dragging_rad: Floats, width_rad: float, kernel: Floats | None) -> Floats:

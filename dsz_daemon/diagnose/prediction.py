@@ -23,7 +23,7 @@ from dsz_daemon.diagnose.instruments import (
 from dsz_daemon.diagnose.loads import inertia_of_a_load_kgm2
 from dsz_daemon.diagnose.motion import CarModel, moved
 from dsz_daemon.diagnose.own_courses import pushed_by, turned_by
-from dsz_daemon.diagnose.play import geared, lost_in_play
+from dsz_daemon.diagnose.play import geared, held_back, lost_in_play
 from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, REFERENCE, Recording, filter_kernel
 from dsz_daemon.diagnose.rolling import Rolling, Slip, earlier, rolling
 from dsz_daemon.diagnose.slow_sensors import smoothed
@@ -62,7 +62,7 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"steering_lag", "wheel_growth", "wheels_more", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
     | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
-    | {"small_wheels", "unturned_wheels", "steering_backlash"}
+    | {"small_wheels", "unturned_wheels", "steering_backlash", "steering_friction"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
@@ -81,8 +81,6 @@ _OWN = np.stack([_ONES, 0.0 * _ONES, _ONES])
 _AT_LIMIT = 1.05
 # Of the configured stiffness: less is no tyre.
 _SOFTEST = 0.05
-
-
 _NONE = np.zeros(len(CHANNELS))
 
 
@@ -271,6 +269,8 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
 
     ratio = drive.steering_ratio, at("steering_ratio.scale"), at("steering_ratio.per_rad")
     steer = geared(drive.steer, *ratio)
+    if (width_rad := at("steering_friction.width_rad")) > 0.0:
+        steer = steer - held_back(steer, width_rad, at("steering_friction.softness"))
     if (width_rad := at("steering_backlash.width_rad")) > 0.0:
         steer = steer - lost_in_play(geared(drive.told_steer, *ratio), width_rad, drive.recording.told_kernel)
     if at("steering_lag.time_constant_s") > 0.0:

@@ -255,6 +255,10 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]
         late = Coefficient(-value, std, "rad/(rad/s) of the front wheels")
         found.append(Shape("gyro_z", "k*delta'", late, 1.0))
+    if "steering_friction" in told:
+        value, std = values_of(drive, fit, "steering_friction")["width_rad"]
+        behind = Coefficient(-0.5 * value, 0.5 * std, "rad of the front wheels, softly")
+        found.append(Shape("gyro_z", "k*sign(delta')", behind, 1.0))
     return found
 
 

@@ -1,14 +1,16 @@
-"""diagnose: what of a steering is lost in its play, by hand values."""
+"""diagnose: what of a steering is lost in its play, and in its friction, by hand values."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from core_cases import TUCSON
+from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
 
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.play import geared, lost_in_play, played
+from dsz_daemon.diagnose.play import geared, held_back, lost_in_play, played
 from dsz_daemon.diagnose.prediction import flat, nothing, predicted
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered, recorded
 from dsz_daemon.pipeline.grid import Signal
@@ -109,3 +111,44 @@ def test_noise_of_a_steering_sensor_takes_up_no_play() -> None:
         np.testing.assert_allclose(told(WANDERS + TREMBLES, by_hand), WANDERS + TREMBLES, rtol=0.0, atol=1e-8)
         little = WANDERS + 0.1 * (noisy - WANDERS)
         np.testing.assert_allclose(told(little, by_hand), little, rtol=0.0, atol=1e-8)
+
+
+def rubbed(hand_rad: np.ndarray, half_rad: float, on_the_way: float) -> np.ndarray:
+    """What wheels do behind dry friction, in steps a fiftieth as long as the hand's: z' = k x' (1 - z sign(x') / h)."""
+    fine = np.interp(np.linspace(0, len(hand_rad) - 1, 50 * (len(hand_rad) - 1) + 1), range(len(hand_rad)), hand_rad)
+    lost = np.zeros(len(fine))
+    for i, way in enumerate(np.diff(fine)):
+        lost[i + 1] = lost[i] + on_the_way * way * (1.0 - np.sign(way) * lost[i] / half_rad)
+    return hand_rad - lost[::50]
+
+
+def test_friction_holds_back_softly() -> None:
+    """After a turn nothing is lost on a way of ln(2) half / k, where play has lost nothing on half its width."""
+    hand = np.concatenate([np.linspace(0.0, 0.2, 2000), np.linspace(0.2, 0.0, 4000)])
+    half, k = 0.005, 0.7
+    lost = held_back(hand, 2.0 * half, 1.0 / k - 1.0)
+    np.testing.assert_allclose(lost, hand - rubbed(hand, half, k), atol=2e-5)
+    assert lost[1999] == pytest.approx(half, rel=1e-6)
+    crossing = 1999 + int(np.argmax(lost[1999:] < 0.0))
+    assert 0.2 - hand[crossing] == pytest.approx(np.log(2.0) * half / k, rel=0.02)
+    # A hand that stays where it is loses nothing more.
+    assert held_back(np.full(9, 0.1), 0.01, 0.0).tolist() == [0.0] * 9
+
+
+@pytest.mark.parametrize("half_rad", [0.006, 0.002])
+def test_a_column_that_rubs_has_no_play(half_rad: float) -> None:
+    wheels = drive({}, CITY_V, rubbed(CITY_STEER, half_rad, 0.7))
+    one = wheels._replace(steer=CITY_STEER, told_steer=CITY_STEER)
+    told = answered(found(one))
+    assert told.causes == []
+    [shape] = told.unlisted
+    assert (shape.channel, shape.shape) == ("gyro_z", "k*sign(delta')")
+    assert shape.coefficient.value == pytest.approx(-half_rad, rel=0.1)
+
+
+@pytest.mark.parametrize("width_rad", [0.01, 0.003])
+def test_and_play_does_not_rub(width_rad: float) -> None:
+    wheels = drive({}, CITY_V, played(CITY_STEER, width_rad))
+    told = answered(found(wheels._replace(steer=CITY_STEER, told_steer=CITY_STEER)))
+    assert [cause.effect for cause in told.causes] == ["steering_backlash"]
+    assert told.unlisted == []
