@@ -11,6 +11,7 @@ from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
 from dsz_daemon.diagnose.gains import gained
 from dsz_daemon.diagnose.loads import LOAD
+from dsz_daemon.diagnose.mounts import MOUNT
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
 from dsz_daemon.diagnose.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.prediction import Drive
@@ -25,6 +26,8 @@ _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
 _NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
 # Beside wheel speeds that are late an IMU that smooths looks like front wheels that lag, which have no name.
 _AS_LATE = {"steering_lag": frozenset({"sensor_bandwidth", "imu_delay"})}
+# A mount that is turned, beside leaks of the accelerometers, is leaks of the gyros beside others of theirs.
+_LEAKS, _OF_FORCES = "gyro_cross_axis", "accel_cross_axis"
 # What a load does to how a car turns, as two; and so little less it may gain than both.
 _TYRES = "cornering_stiffness"
 _A_LOADS, _ALIKE = frozenset({_TYRES, "yaw_inertia"}), 3.0
@@ -44,8 +47,8 @@ def in_its_place(
 ) -> list[Step]:
     """What rivals of an effect gain more than it does (or less, below 0) beside all else in the model, the most first.
 
-    Those that came near it when it was chosen, and what turns a car as it does. What is implausible there is none, and
-    what is not told: of neither, nor in place of that, is anything said.
+    Those that came near it when it was chosen, what turns a car as it does, and leaks for a turned mount. What is
+    implausible there is none, and what is not told: of neither, nor in place of that, is anything said.
     """
     if effect in _NEVER or not is_told(drive, best, effect):
         return []
@@ -53,6 +56,7 @@ def in_its_place(
     least = _NEAR * first[effect].gain
     near = {name for name, step in first.items() if step.gain > least and name not in _NO_RIVALS}
     near |= SAME_TURN if effect in SAME_TURN else _AS_LATE.get(effect, frozenset())
+    near |= {_LEAKS} if effect == MOUNT and _OF_FORCES in best.effects else set()
 
     def fit(name: str, each: Each) -> Fit:
         start, own = best.x.copy(), list(drive.vocabulary.columns_of(name))

@@ -13,6 +13,7 @@ from dsz_daemon.diagnose import search as search_module
 from dsz_daemon.diagnose import starts as starts_module
 from dsz_daemon.diagnose import swaps as swaps_module
 from dsz_daemon.diagnose import trials as trials_module
+from dsz_daemon.diagnose.answer import answered
 from dsz_daemon.diagnose.comparison import Rows, rows_of
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.fit import Fit, fitted
@@ -408,3 +409,27 @@ def test_an_imu_that_smooths_beside_late_wheels_is_no_steering_that_lags() -> No
     assert instead[0].effect == "sensor_bandwidth"
     assert instead[0].gain > 0.0
     assert set(instead[0].fit.effects) == {"sensor_bandwidth", "wheel_speed_delay"}
+
+
+# Of both gyros by the yaw rate, and of the vertical accelerometer: about as a turned mount has it.
+LEAKS = {
+    "gyro_cross_axis.xz": -0.06,
+    "gyro_cross_axis.yz": -0.053,
+    **{f"accel_cross_axis.{axes}": leak for axes, leak in (("xy", 0.07), ("yx", 0.05), ("zx", 0.05), ("zy", 0.05))},
+}
+
+
+def test_leaks_of_all_instruments_may_be_a_turned_mount_beside_leaks() -> None:
+    """What a small turn shows each gyro and each accelerometer of the other axes are leaks, and offsets."""
+    one, mount = drive(LEAKS, CITY_V, CITY_STEER), "imu_misalignment"
+    rows, [nominal, best, alone] = fits(one, (), (mount, "accel_cross_axis"), (mount, "gyro_scale"))
+    [instead] = in_its_place(one, rows, nominal, best, mount, (Step(mount, 1000.0, best),), TOLERANCE, map)
+    assert instead.effect == "gyro_cross_axis"
+    assert abs(instead.gain) < 5.0
+    assert in_its_place(one, rows, nominal, alone, mount, (Step(mount, 1000.0, alone),), TOLERANCE, map) == []
+
+
+def test_of_these_the_answer_names_the_other_too() -> None:
+    told = answered(found(drive(LEAKS, CITY_V, CITY_STEER)))
+    [one] = [cause for cause in told.causes if cause.effect != "accel_cross_axis"]
+    assert {one.effect, *one.indistinguishable_from} == {"gyro_cross_axis", "imu_misalignment"}
