@@ -79,7 +79,7 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
     for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
         gained = before - after - _NOTHING
         if (of_all := float(np.sum(gained))) > most_of_all:
-            most_of_all, everywhere = of_all, [("tyre_saturation", _as_everywhere(best.x, x))]
+            most_of_all, everywhere = of_all, [("tyre_saturation", as_everywhere(best.x, x))]
         first, last, total = _stretch(gained)
         if total > _LEAST and (last - first) * ROW_S > SHORTEST_S:
             x[_MOMENTS] = rows.at[[first, last - 1]] * DT_S
@@ -93,7 +93,7 @@ def _are_apart(one: Floats, other: Floats) -> bool:
     return bool(np.max(np.abs(one[_MOMENTS] - other[_MOMENTS])) > SHORTEST_S)
 
 
-def _as_everywhere(before: Floats, slippery: Floats) -> Floats:
+def as_everywhere(before: Floats, slippery: Floats) -> Floats:
     """The parameters of a road that is slippery all the way, as those of tyres that hold no better on any."""
     x = before.copy()
     for name in ("inverse_square", "sharpness", "ellipse"):

@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.effects import GUESSED, INDEX
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.fit import GRIP, ONE_BY_ONE, OWN_CHANNEL, SAME_TURN, TILTS, Fit, Slopes, exactly, fitted
 from dsz_daemon.diagnose.gains import far_off, gained, is_beyond_form, puts_right
+from dsz_daemon.diagnose.guesses import as_everywhere
 from dsz_daemon.diagnose.loads import LOAD
 from dsz_daemon.diagnose.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.nameless_effects import NAMELESS
@@ -169,6 +170,7 @@ def all_tried(
     waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
     fits = _fitted_each(trial, [start for start in starts if start[0][-1] not in waiting], each)
     judged = _judged(trial, fits, each)
+    judged += _all_the_way(trial, judged, each)
     tried = _ranked(trial.drive, trial.best, judged)
     later = [start for start in starts if start[0][-1] in waiting]
     if later and not enough(tried):
@@ -177,6 +179,19 @@ def all_tried(
         tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
     hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
     return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
+
+
+def _all_the_way(trial: Trial, judged: Sequence[Step], each: Each) -> list[Step]:
+    """Where grip that ends for a while explains the most, grip that ends as low all the way, if nobody thought of it.
+
+    Stiffnesses that have given way as far as they may hide that, until they are fitted beside it.
+    """
+    known = {step.effect for step in judged} | {*trial.best.effects}
+    first = max(judged, key=lambda step: step.gain, default=None)
+    if first is None or first.effect != "low_friction" or first.gain < LEAST_GAIN or "tyre_saturation" in known:
+        return []
+    start = (("tyre_saturation",), as_everywhere(trial.best.x, first.fit.x))
+    return _judged(trial, [trial.fit(start, each)], each)
 
 
 def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:

@@ -18,9 +18,10 @@ from dsz_daemon.diagnose.guesses import guesses
 from dsz_daemon.diagnose.moments import in_the_middle, moments_of
 from dsz_daemon.diagnose.plausible import is_implausible
 from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
+from dsz_daemon.diagnose.screening import screened
 from dsz_daemon.diagnose.search import searched
 from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, enough_first, rank_by
+from dsz_daemon.diagnose.trials import Step, Trial, all_tried, enough_first, rank_by
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
 TURNS = ("steering_ratio", "gyro_scale")
@@ -200,3 +201,17 @@ def test_beside_a_limit_of_grip_a_cars_numbers_are_no_surer_than_what_is_worth_a
     assert not is_refused(alone, 0.0045)
     # What no curve of a tyre is, may be as small as it is.
     assert not is_implausible(one, rows, beside._replace(x=nothing()), "gyro_scale")
+
+
+def test_a_stretch_that_is_one_stays_beside_the_same_all_the_way() -> None:
+    """Nobody has thought of that: it is held against it all the same (decision 0080)."""
+    ice = {"low_friction.inverse_square": 0.35**-2, "low_friction.start_s": 20.0, "low_friction.end_s": 50.0}
+    one = drive(ice, CITY_V, 1.3 * CITY_STEER)
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    stretch = nominal.x.copy()
+    for name, value in (ice | {"low_friction.sharpness": 0.01}).items():
+        stretch[INDEX[name]] = value
+    trial = Trial(one, rows, nominal, TOLERANCE, screened(one, rows, nominal, TOLERANCE, map).known)
+    tried, _ = all_tried(trial, [(("low_friction",), stretch)], (), lambda steps: steps, map)
+    assert tried[0].effect == "low_friction"

@@ -221,3 +221,27 @@ def test_a_load_that_gains_clearly_more_than_what_turns_a_car_alike_comes_before
     ]
     ranked.sort(key=lambda step: -step.gain)
     assert enough_first(none, none, ranked, lambda _: 5.0)[0].effect == first
+
+
+@pytest.mark.parametrize(
+    ("gains", "effects", "tried"),
+    [
+        ({"low_friction": [60.0], "tyre_saturation": [700.0]}, (), ["low_friction", "tyre_saturation"]),
+        ({"low_friction": [9.0], "tyre_saturation": [700.0]}, (), ["low_friction"]),
+        ({"low_friction": [60.0], "tyre_saturation": [700.0]}, ("tyre_saturation",), ["low_friction"]),
+        ({"low_friction": [60.0], "gyro_scale": [61.0]}, (), ["gyro_scale", "low_friction"]),
+        ({"low_friction": [60.0], "tyre_saturation": [50.0, 1.0]}, (), ["low_friction", "tyre_saturation"]),
+    ],
+)
+def test_grip_that_ends_all_the_way_is_thought_of_where_a_stretch_gains_the_most(
+    gains: dict[str, list[float]], effects: tuple[str, ...], tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trials_module, "as_everywhere", lambda _, slippery: slippery)
+    fitted: list[str] = []
+    trial = _trial(fitted, gains, effects)
+    trial.best.x = _X
+    fit = trial.fit
+    trial.fit = lambda *given: fit(*given)._replace(fit=SimpleNamespace(x=_X))
+    names = [name for name in gains if name != "tyre_saturation" or len(gains[name]) > 1]
+    all_tried(trial, [((name,), _X) for name in names], (), _enough, map)
+    assert sorted(fitted) == tried
