@@ -2,7 +2,8 @@
 
 What is compared has passed a low-pass, and so has the steering, which a car that follows it linearly does not mind.
 Play does: a hand that trembles within it moves nothing, and none of its trembling is left behind the low-pass. So the
-angle goes through the play as it was recorded, and through the low-pass then.
+angle goes through the play as it was recorded, and through the low-pass then. Friction takes the angle behind the
+low-pass: a sensor's noise goes to and fro as far in a second as friction needs to turn round, and would wear it out.
 """
 
 from __future__ import annotations

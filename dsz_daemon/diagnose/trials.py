@@ -182,7 +182,7 @@ def all_tried(
 
 
 def _all_the_way(trial: Trial, judged: Sequence[Step], each: Each) -> list[Step]:
-    """Where grip that ends for a while explains the most, grip that ends as low all the way, if nobody thought of it.
+    """Where grip that ends for a while explains the most: grip that ends as low all the way, if that is not judged yet.
 
     Stiffnesses that have given way as far as they may hide that, until they are fitted beside it.
     """

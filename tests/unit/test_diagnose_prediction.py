@@ -147,6 +147,14 @@ def test_a_driven_axle_that_loses_load_slips_more(rear_driven: bool) -> None:
     assert row[6] == pytest.approx(one.wheels[1500, 0] * (1.0 + 0.05 * (2.0 / G) / load), rel=1e-5)
 
 
+def test_a_car_is_slower_than_its_driven_front_wheels_that_give_the_speed() -> None:
+    """By slip over force, k v'/g over the axle's share of the weight: to the first order, as it is made."""
+    one = SPEEDING._replace(car=TUCSON._replace(front_driven=True, rear_driven=False), front_gives_speed=True)
+    slip = 0.05 * (2.0 / G) / (TUCSON.cg_to_rear_axle_m / TUCSON.wheelbase_m)
+    row = shown(one, wheel_slip__slip_per_force=0.05)[1500]
+    assert one.wheels[1500, 0] / row[9] - 1.0 == pytest.approx(slip, rel=0.05)
+
+
 def test_the_axle_that_gives_the_speed_slips_by_its_own_load() -> None:
     """Braked at 3 m/s2 the rear, whose wheels give the speed, loses h a/(g L) of the weight."""
     slowing, h = drive(90.0 - 3.0 * T), 0.6

@@ -243,5 +243,7 @@ def test_grip_that_ends_all_the_way_is_thought_of_where_a_stretch_gains_the_most
     fit = trial.fit
     trial.fit = lambda *given: fit(*given)._replace(fit=SimpleNamespace(x=_X))
     names = [name for name in gains if name != "tyre_saturation" or len(gains[name]) > 1]
-    all_tried(trial, [((name,), _X) for name in names], (), _enough, map)
+    steps, _ = all_tried(trial, [((name,), _X) for name in names], (), _enough, map)
     assert sorted(fitted) == tried
+    gain = {name: each[0] for name, each in gains.items()}
+    assert [step.effect for step in steps] == sorted(tried, key=lambda name: -gain[name])
