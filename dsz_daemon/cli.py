@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import sys
@@ -112,13 +113,11 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     small_arrays.before_imports()
     from dsz_daemon.edge import imports
 
-    try:
-        with imports.for_logs(arguments.logs):
-            from dsz_daemon.runs.diagnose import Beside, diagnose, words
-    except ModuleNotFoundError as error:
-        if not (error.name or "").startswith("scipy"):
-            raise
-        raise MachineError("diagnose needs scipy, which is not installed: pip install dsz-daemon[desk]") from None
+    # Imported where it is needed, and said before anything is computed.
+    if importlib.util.find_spec("scipy") is None:
+        raise MachineError("diagnose needs scipy, which is not installed: pip install dsz-daemon[desk]")
+    with imports.for_logs(arguments.logs):
+        from dsz_daemon.runs.diagnose import Beside, diagnose, words
     with screen.progress("diagnose", arguments.json) as progress:
         # As the bar: on a terminal only. The search knows no share done; it says what it is at.
         say = None if progress is None else lambda what: print(what, file=sys.stderr)

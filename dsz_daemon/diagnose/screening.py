@@ -89,19 +89,18 @@ class Screening(NamedTuple):
         x[np.array(self.known.columns)[columns]] += solved(squares[np.ix_(columns, columns)], cross[columns], box)
         return x
 
-    def pairs(self, far_off: Bools) -> list[tuple[str, str]]:
+    def pairs(self, far_off: Bools, each: Each) -> list[tuple[str, str]]:
         """Two at once that together bring more than alone, best first: what one does may hide what the other does.
 
         One of them moves what is `far_off` (13,).
         """
         left = {name: float(np.sum(self.after([name])[:, far_off])) for name in self.of_effects}
         first = sorted(left, key=left.__getitem__)[:_FIRST_OF_TWO]
-        alone = {name: max(self.gain([name]), 0.0) for name in self.of_effects}
-        gains = {
-            pair: self.gain(pair) - sum(alone[name] for name in pair)
-            for pair in combinations([name for name in self.of_effects if name not in _SELDOM], 2)
-            if set(pair) & set(first)
-        }
+        common = [name for name in self.of_effects if name not in _SELDOM]
+        asked = [pair for pair in combinations(common, 2) if set(pair) & set(first)]
+        alone = dict(zip(common, each(lambda name: max(self.gain([name]), 0.0), common), strict=True))
+        together = dict(zip(asked, each(self.gain, asked), strict=True))
+        gains = {pair: together[pair] - sum(alone[name] for name in pair) for pair in asked}
         return [pair for pair in sorted(gains, key=lambda pair: -gains[pair]) if gains[pair] > LEAST_GAIN]
 
 

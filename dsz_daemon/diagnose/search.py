@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.comparison import Each, Rows, sensitivities
+from dsz_daemon.diagnose.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.drawings import as_drawn, untold
 from dsz_daemon.diagnose.effects import INDEX, TOLERATED, vocabulary
 from dsz_daemon.diagnose.evidence import LEAST_GAIN
@@ -293,16 +293,19 @@ def _nameless(
     """What has no name and gains more than what was tried: the drive with its row, the model with it, and itself."""
     named = max((step.gain for step in tried), default=0.0)
     drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
-    found = list[tuple[Drive, Fit, Found]]()
-    for shape in likeliest_shapes(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN):
+
+    def least(shape: Found) -> float:
         # A scale is one number for what is told by two: when, and how much.
-        surely = _SURELY_UNEVEN if is_uneven(shape.shape.removeprefix("k*")) else SURELY
-        if shape.gain <= surely * named:
-            continue
-        there, shaped, one = _shaped(drive, rows, best, shape, tolerance, each)
-        is_enough = one.gain >= asked_of(there, one.effect.name, gains) or is_beyond_form(drive, best, shaped)
-        if is_enough and one.gain > max(surely * named, LEAST_GAIN):
-            found.append((there, shaped, one))
+        return named * (_SURELY_UNEVEN if is_uneven(shape.shape.removeprefix("k*")) else SURELY)
+
+    def shaped(shape: Found, inside: Each) -> tuple[Drive, Fit, Found] | None:
+        there, fit, one = _shaped(drive, rows, best, shape, tolerance, inside)
+        is_enough = one.gain >= asked_of(there, one.effect.name, gains) or is_beyond_form(drive, best, fit)
+        return (there, fit, one) if is_enough and one.gain > max(least(shape), LEAST_GAIN) else None
+
+    shapes = likeliest_shapes(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN)
+    fits = all_hands(shaped, [shape for shape in shapes if shape.gain > least(shape)], each)
+    found = [one for one in fits if one is not None]
     return max(found, key=lambda one: one[2].gain, default=None)
 
 

@@ -128,17 +128,17 @@ class Trial:
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
     def _fitted(self, x: Floats, effects: tuple[str, ...], each: Each = map, behind: float = 0.0) -> Fit:
-        known, felt, new = self.known, self.best.felt, effects[-1]
-        gains = list[float]()
+        known, felt, new = self.known, self.best.felt, effects[len(self.best.effects) :]
+        profiles, gains = OWN_CHANNEL.keys() & set(new), list[float]()
 
         def is_hopeless(fit: Fit) -> bool:
             gains.append(gained(self.drive, self.best, fit))
             stands = len(gains) > 1 and gains[-1] < min(behind, gains[-2] + _FURTHER)
-            if new not in OWN_CHANNEL:
+            if not profiles:
                 return stands
-            return stands or gains[-1] < _LOST or is_implausible(self.drive, self.rows, fit, new)
+            return stands or gains[-1] < _LOST or any(is_implausible(self.drive, self.rows, fit, one) for one in new)
 
-        asked = is_hopeless if new in OWN_CHANNEL or behind > 0.0 else None
+        asked = is_hopeless if profiles or behind > 0.0 else None
         start = (self.drive, self.rows, x, effects, self.tolerance)
         return fitted(*start, each=each, known=known, felt=felt, is_hopeless=asked)
 
@@ -326,7 +326,7 @@ def two_at_once(
         if new == (_BLOWN,)
         for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]
     ]
-    pairs = [(pair, trial.best.x) for pair in (*roads, *screening.pairs(off)[:_PAIRS])]
+    pairs = [(pair, trial.best.x) for pair in (*roads, *screening.pairs(off, each)[:_PAIRS])]
     tried = _tried_at_once(trial, (*winds, *pairs), refused, each)
     return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
 
@@ -341,7 +341,7 @@ def two_instead(
     those that was not tried may be as good alone: what a screening expects of it is a step's.
     """
     shown = np.array([channel == shape.channel for channel in CHANNELS])
-    instead: list[tuple[str, ...]] = [*screening.pairs(shown)[:_PAIRS]]
+    instead: list[tuple[str, ...]] = [*screening.pairs(shown, each)[:_PAIRS]]
     factor = _SO_MUCH_MORE
     if is_of_the_car(shape.effect.name):
         factor = _THAN_OF_A_CAR

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose.comparison import BLOCK_S, FOLDS, noises
+from dsz_daemon.diagnose.correlation import quick_length
 from dsz_daemon.diagnose.effects import INDEX
 from dsz_daemon.diagnose.motion import CarModel
 from dsz_daemon.diagnose.prediction import Drive, Floats, Ints, Profiles, car_of, driven, predicted, rolls_of
@@ -161,7 +161,7 @@ def _slow_part(values: Floats) -> Floats:
     """What a Gaussian leaves of the values (n,), which are reflected at both ends."""
     reach = len(_SLOW_KERNEL) // 2
     padded = np.pad(values, reach, mode="symmetric")
-    n = next_fast_len(len(padded), real=True)
+    n = quick_length(len(padded))
     smooth = np.fft.irfft(np.fft.rfft(padded, n) * np.fft.rfft(_SLOW_KERNEL, n), n)
     # What comes before has gone round from the end to the beginning.
     return np.asarray(smooth[2 * reach : len(padded)])

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.fft import next_fast_len
 from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
 from dsz_daemon.diagnose import beside, shape_beside, untested
 from dsz_daemon.diagnose import fit as fit_module
 from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
-from dsz_daemon.diagnose.correlation import correlated_rows
+from dsz_daemon.diagnose.correlation import correlated_rows, quick_length
 from dsz_daemon.diagnose.descent import loss_of
 from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
 from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
@@ -160,6 +161,12 @@ def test_the_end_of_a_drive_does_not_meet_its_beginning() -> None:
     left[:100], left[300:] = 1.0, 1.0
     [found] = correlated_rows(left, np.ones((400, 1), dtype=np.bool_))
     assert found == pytest.approx(100.0, rel=0.03)
+
+
+def test_lengths_are_those_that_scipy_calls_quick() -> None:
+    rng = np.random.default_rng(5)
+    lengths = [*range(1, 300), *rng.integers(300, 200_000, 200).tolist()]
+    assert [quick_length(n) for n in lengths] == [next_fast_len(n, real=True) for n in lengths]
 
 
 def test_what_is_no_number_is_as_far_off_as_can_be_and_teaches_nothing() -> None:

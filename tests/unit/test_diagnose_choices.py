@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -314,6 +315,17 @@ def test_a_stretch_is_located_to_the_second() -> None:
         (pytest.approx(50.0, abs=1.0), pytest.approx(59.0, abs=1.0)),
     ]
     assert sum(place.share for place in places) == pytest.approx(1.0, abs=0.02)
+
+
+def test_where_nothing_stands_out_nobody_asks_for_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    left = np.where(rows.used, 0.01 * np.random.default_rng(3).standard_normal(rows.used.shape), 0.0)
+    monkeypatch.setitem(sys.modules, "scipy.special", None)
+    assert located(one, rows, left, np.full(13, 0.01), np.ones(13)) == []
+    left[100:200, 0] *= 10.0
+    with pytest.raises(ModuleNotFoundError):
+        located(one, rows, left, np.full(13, 0.01), np.ones(13))
 
 
 def test_a_second_that_chance_alone_makes_loud_is_not_located() -> None:

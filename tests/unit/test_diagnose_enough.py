@@ -294,7 +294,7 @@ def test_two_that_hide_each_other_are_found_at_once() -> None:
     trial = Trial(one, rows, best, TOLERANCE, screening.known)
     off = far_off(one, best)
     assert off.any()
-    late = [pair for pair in screening.pairs(off) if set(pair) == {"sensor_bandwidth", "steering_delay"}]
+    late = [pair for pair in screening.pairs(off, map) if set(pair) == {"sensor_bandwidth", "steering_delay"}]
     assert late
     assert screening.gain(late[0]) > sum(max(screening.gain([name]), 0.0) for name in late[0]) + 10.0
     tried = two_at_once(trial, screening, [], set(), map)

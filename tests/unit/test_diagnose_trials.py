@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -82,6 +83,8 @@ def test_what_takes_long_comes_last_and_knows_what_the_others_came_to() -> None:
         ("road_bank", 400.0, [70.0, 70.0, 70.0], 3),
         # What a profile has lost no rounds bring back, whoever leads.
         ("road_bank", 0.0, [-21.0, 10.0], 1),
+        ("side_wind imu_delay", 0.0, [-21.0, 10.0], 1),
+        ("gyro_scale road_bank", 0.0, [-19.0, 10.0], 2),
     ],
 )
 def test_what_stands_still_far_behind_a_leader_is_left_there(
@@ -103,8 +106,29 @@ def test_what_stands_still_far_behind_a_leader_is_left_there(
     monkeypatch.setattr(trials_module, "fitted", fitted)
     none: Any = None
     trial = Trial(none, none, SimpleNamespace(effects=(), felt=None), {}, none)  # type: ignore[arg-type]
-    trial.fit(((effect,), _X), map, leader)
+    trial.fit((tuple(effect.split()), _X), map, leader)
     assert len(rounds) == asked
+
+
+@pytest.mark.parametrize(("new", "asked"), [(("side_wind", "imu_lever_arm"), 1), (("gyro_scale", "imu_lever_arm"), 0)])
+def test_two_of_which_one_can_not_be_what_it_is_are_left_where_the_other_takes_long(
+    monkeypatch: pytest.MonkeyPatch, new: tuple[str, ...], asked: int
+) -> None:
+    monkeypatch.setattr(trials_module, "gained", lambda *_: 0.0)
+    monkeypatch.setattr(trials_module, "is_implausible", lambda _, __, ___, effect: effect == "imu_lever_arm")
+    monkeypatch.setattr(trials_module, "does_nothing", lambda *_: False)
+    rounds: list[bool] = []
+
+    def fitted(*_: Any, is_hopeless: Any, **__: Any) -> None:
+        if is_hopeless is not None:
+            rounds.append(is_hopeless(None))
+
+    monkeypatch.setattr(trials_module, "fitted", fitted)
+    none: Any = None
+    best: Any = SimpleNamespace(effects=("gyro_g_sensitivity",), felt=None)
+    step = Trial(none, none, best, {}, none).fit((new, _X))
+    assert step.gain == -math.inf
+    assert rounds == [True] * asked
 
 
 @pytest.mark.parametrize(
