@@ -18,7 +18,7 @@ import numpy as np
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.another_car import with_own_numbers
 from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.axis_faults import found_faults, wiring_of
+from dsz_daemon.diagnose.axis_faults import found_faults
 from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.drives import against, drive_of
 from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
@@ -32,6 +32,7 @@ from dsz_daemon.diagnose.search import Search, searched
 from dsz_daemon.diagnose.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.unlisted import Shape
+from dsz_daemon.diagnose.wiring import wiring_of
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS

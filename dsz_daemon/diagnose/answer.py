@@ -10,7 +10,6 @@ import numpy as np
 from dsz_daemon.diagnose import motion
 from dsz_daemon.diagnose import search as searching
 from dsz_daemon.diagnose.aliases import MUCH_MPS2, alternatives, same_as_offsets, same_as_slip
-from dsz_daemon.diagnose.axis_faults import AxisFault
 from dsz_daemon.diagnose.comparison import Each
 from dsz_daemon.diagnose.eccentric import about_the_middle, circle_of
 from dsz_daemon.diagnose.effect_row import CAR, WHEELS
@@ -37,6 +36,7 @@ from dsz_daemon.diagnose.told_roads import rms_told, told_road
 from dsz_daemon.diagnose.unlisted import Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
 from dsz_daemon.diagnose.unnamed import not_named
 from dsz_daemon.diagnose.untested import untested
+from dsz_daemon.diagnose.wiring import AxisFault
 
 _TOLERATED_SPREADS, _LEAST_STIFFNESS, _LEAST_TOLERATED = 3.0, 0.03, 0.005
 # A stiffness that gains less of what all causes gain only takes up what the simulation's form gets wrong about these.

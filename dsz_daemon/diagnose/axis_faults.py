@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsz_daemon.diagnose.evidence import Box, solved
 from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.diagnose.wiring import UNITS, AxisFault, mended
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -28,13 +28,6 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 
 G = STANDARD_GRAVITY_MPS2
 _YAW, _ALONG = 2, 3
-# Of gyros (0) and accelerometers (1): what a reading is multiplied by if another unit is sent than the mapping says.
-UNITS: tuple[Mapping[str, float], Mapping[str, float]] = (
-    {"rad_for_deg": math.pi / 180.0, "deg_for_rad": 180.0 / math.pi},
-    {"mps2_for_g": G, "g_for_mps2": 1.0 / G},
-)
-KINDS = ("reversed", *(f"swapped_with_{axis}" for axis in "xyz"), *UNITS[0], *UNITS[1])
-
 # All below are chosen, and tried on the simulated car (no effect at its plain size is called an axis fault) and on the
 # recordings of three real ones.
 # A fault has to gain this in log likelihood. An axis with the same wrong unit as its neighbour needs less: units are
@@ -61,77 +54,14 @@ _GRAVITY = {
 _TURN_RADPS = 0.1
 # What a channel must move by, rms, to be followed: a road's small tilts and steering in steps do as much.
 _LEAST_MOVED = (math.inf, math.inf, 0.001, 0.03, 0.03, math.inf)
+# What follows its own sensor so well (its power over what is left of it, log) is nobody else's.
+_ITS_OWN = math.log(4.0)
 # Rms of what a road hardly tilts by within seconds: an accelerometer that moves by less, for all its unit makes of it,
 # may show the road. Where no gyro tells the tilt, a car that gives way to hills looks turned round on gentler ones.
 _STEEP_RAD, _HILLY_RAD = 0.04, 0.02
 # What a fault has to explain of a channel's power: of what the tilt leaves (less where a sensor is only turned round:
 # a phone shakes, and what it shows is moved the wrong way by as much as it should), and of all.
 _LEAST_SHARE, _LEAST_TURNED, _LEAST_OF_ALL = 0.4, 0.3, 0.1
-
-
-class AxisFault(NamedTuple):
-    """One fault: of which channel, one of `KINDS`, the log likelihood gained by it, and figures in words.
-
-    "reversed" is said of the sensor (after swapped plugs are put right), a unit of the plug as it is.
-    """
-
-    channel: str
-    kind: str
-    gain: float
-    evidence: str
-
-
-class Wiring(NamedTuple):
-    """How six sensors arrive: channel i shows factors[i] * facing[plugs[i]] * (sensor plugs[i])."""
-
-    plugs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
-    facing: tuple[float, ...] = (1.0,) * 6
-    factors: tuple[float, ...] = (1.0,) * 6
-
-    def mended(self, imu: Floats) -> Floats:
-        """Channels (n, 6) as they arrive -> as if wired right."""
-        right = np.empty_like(imu)
-        for channel, sensor in enumerate(self.plugs):
-            right[:, sensor] = imu[:, channel] * (self.facing[sensor] / self.factors[channel])
-        return right
-
-    def faulty(self, imu: Floats) -> Floats:
-        """Channels (n, 6) as if wired right -> as they arrive: what undoes `mended`."""
-        arrives = np.empty_like(imu)
-        for channel, sensor in enumerate(self.plugs):
-            arrives[:, channel] = imu[:, sensor] * (self.facing[sensor] * self.factors[channel])
-        return arrives
-
-    def mended_signals(self, signals: Mapping[str, Signal]) -> dict[str, Signal]:
-        """All samples by role, those of the IMU as if wired right; other roles as they are."""
-        right = {role: signal for role, signal in signals.items() if role not in IMU_CHANNELS}
-        for channel, sensor in enumerate(self.plugs):
-            if IMU_CHANNELS[channel] in signals:
-                signal = signals[IMU_CHANNELS[channel]]
-                factor = self.facing[sensor] / self.factors[channel]
-                right[IMU_CHANNELS[sensor]] = signal._replace(values=signal.values * factor)
-        return right
-
-
-def wiring_of(faults: Sequence[AxisFault]) -> Wiring:
-    """The wiring with these faults in it; swapped plugs in the order given."""
-    plugs, facing, factors = (list(values) for values in Wiring())
-    for fault in faults:
-        channel = IMU_CHANNELS.index(fault.channel)
-        triad = channel // 3
-        if fault.kind == "reversed":
-            facing[channel] = -facing[channel]
-        elif fault.kind in UNITS[triad]:
-            factors[channel] *= UNITS[triad][fault.kind]
-        else:
-            other = 3 * triad + "xyz".index(fault.kind[-1])
-            plugs[channel], plugs[other] = plugs[other], plugs[channel]
-    return Wiring(tuple(int(plug) for plug in plugs), tuple(facing), tuple(factors))
-
-
-def mended(imu: Floats, faults: Sequence[AxisFault]) -> Floats:
-    """The IMU's channels (n, 6) as if wired right."""
-    return wiring_of(faults).mended(imu)
 
 
 class _Said(NamedTuple):
@@ -226,6 +156,10 @@ def _followers(views: Sequence[_View], nominal: Floats, sensor: int, triad: int)
     The channels compete for the sensor: what the best one leaves tells for all of them how many rows are independent.
     """
     table = [view.follows(nominal, sensor, triad) for view in views]
+    own = max(fit.log_ratio for way, fit in table[sensor].items() if not way.unit)
+    if own > _ITS_OWN:
+        # Whatever else moves in time with it has a leak of it.
+        table = [fits if fits is table[sensor] else dict.fromkeys(fits, _NO_FIT) for fits in table]
     best = max((fit for fits in table for fit in fits.values()), key=lambda fit: fit.log_ratio)
     return [
         {way: _Said(0.5 * fit.rows / best.correlated * fit.log_ratio, fit.words) for way, fit in fits.items()}

@@ -18,8 +18,8 @@ import numpy as np
 
 from dsz_daemon.core.bicycle import bicycle_model
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.axis_faults import UNITS, AxisFault
 from dsz_daemon.diagnose.recording import DT_S, Recording
+from dsz_daemon.diagnose.wiring import UNITS, AxisFault
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 

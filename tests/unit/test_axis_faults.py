@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.axis_faults import KINDS, AxisFault, Wiring, found_faults, mended, wiring_of
+from dsz_daemon.diagnose.axis_faults import found_faults
 from dsz_daemon.diagnose.comparison import rows_of
 from dsz_daemon.diagnose.drives import drive_of
 from dsz_daemon.diagnose.prediction import flat, nothing, predicted
 from dsz_daemon.diagnose.recording import recorded
+from dsz_daemon.diagnose.wiring import KINDS, AxisFault, Wiring, mended, wiring_of
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.runs.diagnose import signals_of
@@ -103,6 +104,15 @@ def test_the_words_are_those_of_the_simulated_car() -> None:
 
 def test_wired_right_nothing_is_said() -> None:
     assert said(RIGHT, NOMINAL) == []
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.0, []), (-1.0, [("gyro_z", "reversed")])])
+def test_a_leak_of_a_yaw_gyro_that_clips_is_no_other_plug(factor: float, expected: list[tuple[str, str]]) -> None:
+    """It follows a turn better than the gyro does that clips: 0.042 of it is nearer to a radian for a degree than to 1."""
+    imu = RIGHT.copy()
+    imu[:, 1] = NOMINAL[:, 2] * 0.042 + np.random.default_rng(2).normal(0.0, 0.0003, N // 10).repeat(10)
+    imu[:, 2] = factor * np.clip(RIGHT[:, 2], -0.07, 0.07)
+    assert said(imu, NOMINAL) == expected
 
 
 @pytest.mark.parametrize("planted", FAULTY, ids=" ".join)
