@@ -108,7 +108,7 @@ def test_wired_right_nothing_is_said() -> None:
 
 @pytest.mark.parametrize(("factor", "expected"), [(1.0, []), (-1.0, [("gyro_z", "reversed")])])
 def test_a_leak_of_a_yaw_gyro_that_clips_is_no_other_plug(factor: float, expected: list[tuple[str, str]]) -> None:
-    """It follows a turn better than the gyro does that clips: 0.042 of it is nearer to a radian for a degree than to 1."""
+    """It follows a turn better than the gyro that clips; 0.042 is nearer to a radian for a degree than to 1."""
     imu = RIGHT.copy()
     imu[:, 1] = NOMINAL[:, 2] * 0.042 + np.random.default_rng(2).normal(0.0, 0.0003, N // 10).repeat(10)
     imu[:, 2] = factor * np.clip(RIGHT[:, 2], -0.07, 0.07)
