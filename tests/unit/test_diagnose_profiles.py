@@ -238,6 +238,18 @@ def test_flicker_is_a_sensors_own_and_what_comes_with_motion_or_now_and_then_is_
     assert not is_its_own(one, rows, clean + bump, c)
 
 
+def test_what_the_course_of_motion_tells_is_no_flicker_though_it_is_always_there() -> None:
+    one = drive({}, 14.0 + 3.0 * np.sin(0.5 * T), CITY_STEER)
+    rows = rows_of(one)
+    rng, c = np.random.default_rng(5), 5
+    flicker = np.convolve(rng.normal(size=len(rows.at)), np.ones(25) / 5.0, "same") * 3.0 * NOISE[c]
+    # By speed: as loud in the lively half as in the other.
+    by_speed = 3.0 * NOISE[c] * np.sin(0.5 * T)[rows.at]
+    assert is_its_own(one, rows, flicker, c)
+    assert not is_its_own(one, rows, flicker + 2.0 * by_speed, c)
+    assert is_its_own(one, rows, flicker + 0.5 * by_speed, c)
+
+
 def test_an_inverse_of_what_is_hardly_told_apart_has_no_negative_variance() -> None:
     rng = np.random.default_rng(2)
     one = rng.normal(size=(200, 4)) * [1.0, 1e4, 1e-5, 1.0]
