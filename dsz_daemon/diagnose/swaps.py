@@ -24,8 +24,13 @@ _NEAR = 0.75
 # name takes the place of none.
 _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
 _NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
-# Beside wheel speeds that are late an IMU that smooths looks like front wheels that lag, which have no name.
-_AS_LATE = {"steering_lag": frozenset({"sensor_bandwidth", "imu_delay"})}
+# Beside wheel speeds that are late an IMU that smooths looks like front wheels that lag, which have no name; and while
+# a road is not told yet, one that smooths may gain much less than one that is late.
+_AS_LATE = {
+    "steering_lag": frozenset({"sensor_bandwidth", "imu_delay"}),
+    "imu_delay": frozenset({"sensor_bandwidth"}),
+    "sensor_bandwidth": frozenset({"imu_delay"}),
+}
 # A mount that is turned, beside leaks of the accelerometers, is leaks of the gyros beside others of theirs.
 _LEAKS, _OF_FORCES = "gyro_cross_axis", "accel_cross_axis"
 # What a load does to how a car turns, as two; and so little less it may gain than both.

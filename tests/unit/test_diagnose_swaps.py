@@ -415,6 +415,25 @@ def test_an_imu_that_smooths_beside_late_wheels_is_no_steering_that_lags() -> No
     assert set(instead[0].fit.effects) == {"sensor_bandwidth", "wheel_speed_delay"}
 
 
+@pytest.mark.parametrize(
+    ("left_out", "first", "instead"),
+    [
+        ({"sensor_bandwidth.time_constant_s": 0.08}, "imu_delay", "sensor_bandwidth"),
+        ({"imu_delay.delay_s": 0.08}, "sensor_bandwidth", "imu_delay"),
+    ],
+)
+def test_late_and_smooth_are_held_against_each_other_whatever_they_gained_at_first(
+    left_out: dict[str, float], first: str, instead: str
+) -> None:
+    """While a road was not told one gained three halves of the other."""
+    one = drive(left_out | {"steering_offset.offset_rad": 0.02}, CITY_V, CITY_STEER)
+    rows, [nominal, best] = fits(one, (), (first, "steering_offset"))
+    rivals = (Step(first, 240.0, best), Step(instead, 160.0, best))
+    [found_instead] = in_its_place(one, rows, nominal, best, first, rivals, TOLERANCE, map)
+    assert found_instead.effect == instead
+    assert found_instead.gain > 10.0
+
+
 # Of both gyros by the yaw rate, and of the vertical accelerometer: about as a turned mount has it.
 LEAKS = {
     "gyro_cross_axis.xz": -0.06,
