@@ -33,7 +33,7 @@ def correlated_rows(left: Floats, used: Bools) -> Floats:
 
 @functools.cache
 def quick_length(n: int) -> int:
-    """The next length of which a Fourier transform is quick: of no other factors than 2, 3 and 5."""
+    """The next length, 1 at least, of which a Fourier transform is quick: of no other factors than 2, 3 and 5."""
     while not _is_quick(n):
         n += 1
     return n
@@ -41,6 +41,6 @@ def quick_length(n: int) -> int:
 
 def _is_quick(n: int) -> bool:
     for factor in (2, 3, 5):
-        while n % factor == 0:
+        while n > 1 and n % factor == 0:
             n //= factor
     return n == 1

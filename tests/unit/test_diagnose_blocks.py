@@ -167,6 +167,7 @@ def test_lengths_are_those_that_scipy_calls_quick() -> None:
     rng = np.random.default_rng(5)
     lengths = [*range(1, 300), *rng.integers(300, 200_000, 200).tolist()]
     assert [quick_length(n) for n in lengths] == [next_fast_len(n, real=True) for n in lengths]
+    assert quick_length(0) == 1
 
 
 def test_what_is_no_number_is_as_far_off_as_can_be_and_teaches_nothing() -> None:

@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
 from dsz_daemon.diagnose.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.screening import feels, screened
+from dsz_daemon.diagnose.screening import Screening, feels, screened
 from dsz_daemon.diagnose.starts import starts_of
 from dsz_daemon.diagnose.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
 from dsz_daemon.diagnose.winds import by_the_lean
@@ -284,6 +284,17 @@ def both_late() -> Drive:
     """An IMU that follows slowly and a steering that is late: the car turns in time with its steering."""
     late = {"sensor_bandwidth.time_constant_s": 0.08, "steering_delay.delay_s": 0.08}
     return drive(late, CITY_V + 2.0 * np.sin(0.6 * T), CITY_STEER)
+
+
+def test_two_at_once_are_worth_what_they_gain_beyond_what_each_does() -> None:
+    """By hand: 70 - 50 - 0 = 20 and 52 - 40 - 0 = 12, where what loses alone counts for nothing; 95 - 50 - 40 = 5."""
+    gains = {"a": 50.0, "b": 40.0, "c": -30.0, "ab": 95.0, "ac": 70.0, "bc": 52.0}
+    stands: Any = SimpleNamespace(
+        of_effects=dict.fromkeys("abc", ()),
+        after=lambda names: np.full((2, 13), {"a": 1.0, "b": 2.0, "c": 3.0}[names[0]]),
+        gain=lambda names: gains["".join(names)],
+    )
+    assert Screening.pairs(stands, np.ones(13, dtype=np.bool_), map) == [("a", "c"), ("b", "c")]
 
 
 def test_two_that_hide_each_other_are_found_at_once() -> None:
