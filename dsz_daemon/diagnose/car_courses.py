@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
+from dsz_daemon.diagnose.instruments import followed
 from dsz_daemon.diagnose.motion import AY, FRONT_N, ROLLING_MPS, VY, CarModel, R
 from dsz_daemon.diagnose.prediction import Floats, Moving
 from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
@@ -27,6 +28,8 @@ _PLAYS_MPS2 = 1.0
 _MINUTE_S = 60.0
 # Rear wheels that are made to steer do so against the front ones below this, and with them above.
 _CROSSES_MPS, _OVER_MPS = 15.0, 7.0
+# ... and follow the front ones by a first order.
+_FOLLOWS_S = 0.2
 _UNIT = {
     STEERING: "rad{per} of the front wheels",
     REAR: "rad{per} of the rear wheels",
@@ -64,6 +67,7 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(STEERING, "(1-cos(2*hand))", 1.0 - np.cos(2.0 * hand_rad), ""),
         Course(REAR, "delta", steer_rad, "rad"),
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
+        Course(REAR, "delta, slowly", followed(steer_rad[:, np.newaxis], _FOLLOWS_S, DT_S)[:, 0], "rad"),
         Course(REAR, "tanh((vx-15)/7)*delta", np.tanh((v - _CROSSES_MPS) / _OVER_MPS) * steer_rad, "rad"),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
         # A wing on one axle, or on both.
