@@ -29,8 +29,8 @@ _SOURCES = {
     "core": ("core/*.py",),
     "sim": ("sim/*.py",),
     "diagnose": (
-        *("diagnose/motion.py", "diagnose/instruments.py", "diagnose/rolling.py", "diagnose/prediction.py"),
-        *("diagnose/evidence.py", "diagnose/angles.py", "diagnose/tyre_curve.py"),
+        *(f"diagnose/simulation/{room}.py" for room in ("motion", "instruments", "rolling", "prediction")),
+        *("diagnose/simulation/angles.py", "diagnose/simulation/tyre_curve.py", "diagnose/residuals/evidence.py"),
     ),
 }
 _OF_ALL = ("signals.py", "compiled.py")

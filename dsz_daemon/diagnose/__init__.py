@@ -16,23 +16,23 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.another_car import with_own_numbers
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.axis_faults import found_faults
-from dsz_daemon.diagnose.comparison import SLOW_MPS, Each, driven_s, rows_of
-from dsz_daemon.diagnose.drives import against, drive_of
-from dsz_daemon.diagnose.effect_row import CAR, SENSORS, Effect, Motion, Parameter
-from dsz_daemon.diagnose.effects import vocabulary
-from dsz_daemon.diagnose.goodness import goodness
-from dsz_daemon.diagnose.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
-from dsz_daemon.diagnose.prediction import CHANNELS, Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
-from dsz_daemon.diagnose.said import Diagnosis
-from dsz_daemon.diagnose.search import Search, searched
-from dsz_daemon.diagnose.spinning import rolling_rows, spinning
-from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
-from dsz_daemon.diagnose.unlisted import Shape
-from dsz_daemon.diagnose.wiring import wiring_of
+from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parameter
+from dsz_daemon.diagnose.effects.vocabulary import vocabulary
+from dsz_daemon.diagnose.faults.axis_faults import found_faults
+from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
+from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
+from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
+from dsz_daemon.diagnose.faults.wiring import wiring_of
+from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
+from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, rows_of
+from dsz_daemon.diagnose.residuals.drives import against, drive_of
+from dsz_daemon.diagnose.selection.search import Search, searched
+from dsz_daemon.diagnose.shapes.unlisted import Shape
+from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict.another_car import with_own_numbers
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.goodness import goodness
+from dsz_daemon.diagnose.verdict.said import Diagnosis
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS

@@ -13,7 +13,7 @@ from dsz_daemon.errors import InputError
 
 _PACKAGE = Path(__file__).parents[1]
 # What an answer depends on: its thresholds and settings are in these sources.
-_JUDGE = ("diagnose/*.py", "runs/diagnose.py", "signals.py")
+_JUDGE = ("diagnose/**/*.py", "runs/diagnose.py", "signals.py")
 
 
 def sealed(truth: Mapping[str, Any], path: Path) -> str:

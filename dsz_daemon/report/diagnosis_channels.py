@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsz_daemon.diagnose.comparison import GUARD_S, SLOW_MPS
-from dsz_daemon.diagnose.recording import ALONG_FILTER_S, DT_S, FILTER_S
+from dsz_daemon.diagnose.recordings.recording import ALONG_FILTER_S, DT_S, FILTER_S
+from dsz_daemon.diagnose.residuals.comparison import GUARD_S, SLOW_MPS
 from dsz_daemon.report.diagnosis_units import real, shown_as
 from dsz_daemon.report.display import CHANNEL_NAMES, MINUS, SPEED, Floats, Unit, channel_unit
 from dsz_daemon.report.results import mapping

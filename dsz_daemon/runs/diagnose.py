@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose import diagnose as diagnosed
-from dsz_daemon.diagnose.fit_columns import columns_of_fit
-from dsz_daemon.diagnose.level import OF_A_TURN, TURNED, UNEXPLAINED
-from dsz_daemon.diagnose.recording import Floats
+from dsz_daemon.diagnose.recordings.recording import Floats
+from dsz_daemon.diagnose.verdict.fit_columns import columns_of_fit
+from dsz_daemon.diagnose.verdict.level import OF_A_TURN, TURNED, UNEXPLAINED
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.logs import read_frames
 from dsz_daemon.edge.samples_file import write_columns

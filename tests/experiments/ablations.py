@@ -19,9 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from dsz_daemon.diagnose import answer, fit, search, shape_beside
-from dsz_daemon.diagnose.evidence import Box, Sums, solved
-from dsz_daemon.diagnose.search import Search
+from dsz_daemon.diagnose.fitting import fit
+from dsz_daemon.diagnose.residuals.evidence import Box, Sums, solved
+from dsz_daemon.diagnose.selection import search
+from dsz_daemon.diagnose.selection.search import Search
+from dsz_daemon.diagnose.shapes import shape_beside
+from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.errors import DszError
 from dsz_daemon.prove import score
 from dsz_daemon.prove.mix import Trial, trials

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.axis_faults import found_faults
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
-from dsz_daemon.diagnose.recording import recorded
-from dsz_daemon.diagnose.wiring import KINDS, AxisFault, Wiring, mended, wiring_of
+from dsz_daemon.diagnose.faults.axis_faults import found_faults
+from dsz_daemon.diagnose.faults.wiring import KINDS, AxisFault, Wiring, mended, wiring_of
+from dsz_daemon.diagnose.recordings.recording import recorded
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.runs.diagnose import signals_of

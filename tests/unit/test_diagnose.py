@@ -15,8 +15,9 @@ import pytest
 from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.comparison import FOLDS, Rows
-from dsz_daemon.diagnose.evidence import (
+from dsz_daemon.diagnose.fitting.fit import _covariance
+from dsz_daemon.diagnose.residuals.comparison import FOLDS, Rows
+from dsz_daemon.diagnose.residuals.evidence import (
     Box,
     Sums,
     correlated_rows,
@@ -27,7 +28,6 @@ from dsz_daemon.diagnose.evidence import (
     solved,
     sums,
 )
-from dsz_daemon.diagnose.fit import _covariance
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.errors import InputError

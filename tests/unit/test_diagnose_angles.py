@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsz_daemon.diagnose.angles import (
+from dsz_daemon.diagnose.recordings.recording import filter_kernel
+from dsz_daemon.diagnose.simulation.angles import (
     SMALL_RAD,
     all_at_a_side,
     all_drawn,
@@ -21,9 +22,8 @@ from dsz_daemon.diagnose.angles import (
     drawn,
     sin_of,
 )
-from dsz_daemon.diagnose.instruments import add_offsets, delayed, felt, rate_of
-from dsz_daemon.diagnose.recording import filter_kernel
-from dsz_daemon.diagnose.winds import _slow_part
+from dsz_daemon.diagnose.simulation.instruments import add_offsets, delayed, felt, rate_of
+from dsz_daemon.diagnose.surroundings.winds import _slow_part
 
 # Spacings of double numbers: what two ways to round may differ by, and the first term that the arctangent leaves out,
 # x^15/15, which is 4.8 of them at 0.1 rad.

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose import another_car
-from dsz_daemon.diagnose.another_car import ROOM, with_own_numbers
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effect_row import SENSORS
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.said import ParameterError
-from dsz_daemon.diagnose.search import Search, searched
-from dsz_daemon.diagnose.shape_names import is_of_the_car
+from dsz_daemon.diagnose.effects.row import SENSORS
+from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.search import Search, searched
+from dsz_daemon.diagnose.verdict import another_car
+from dsz_daemon.diagnose.verdict.another_car import ROOM, with_own_numbers
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.said import ParameterError
 
 STIFFNESS = "front_cornering_stiffness_n_per_rad"
 # Shares by which a car is another than the one that is configured: longer, wider, steered less directly.

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import aliases, answer, level, told_roads
-from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.gains import told_from
-from dsz_daemon.diagnose.prediction import flat, nothing
-from dsz_daemon.diagnose.said import Value
-from dsz_daemon.diagnose.trials import Step
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
+from dsz_daemon.diagnose.fitting.gains import told_from
+from dsz_daemon.diagnose.selection.trials import Step
+from dsz_daemon.diagnose.simulation.prediction import flat, nothing
+from dsz_daemon.diagnose.verdict import aliases, answer, level, told_roads
+from dsz_daemon.diagnose.verdict.said import Value
 
 # A model without effects.
 NOTHING = SimpleNamespace(effects=())

@@ -12,18 +12,19 @@ from scipy.fft import next_fast_len
 from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
-from dsz_daemon.diagnose import beside, shape_beside, untested
-from dsz_daemon.diagnose import fit as fit_module
-from dsz_daemon.diagnose.comparison import Rows, _per_step, residual, rows_of
-from dsz_daemon.diagnose.correlation import correlated_rows, quick_length
-from dsz_daemon.diagnose.descent import loss_of
-from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.evidence import Box, scatter_of, solved, sums
-from dsz_daemon.diagnose.fit import _covariance, fitted
-from dsz_daemon.diagnose.goodness import goodness
-from dsz_daemon.diagnose.prediction import Drive, nothing
-from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.screening import screened
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
+from dsz_daemon.diagnose.fitting import fit as fit_module
+from dsz_daemon.diagnose.fitting.descent import loss_of
+from dsz_daemon.diagnose.fitting.fit import _covariance, fitted
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import Rows, _per_step, residual, rows_of
+from dsz_daemon.diagnose.residuals.correlation import correlated_rows, quick_length
+from dsz_daemon.diagnose.residuals.evidence import Box, scatter_of, solved, sums
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.shapes import beside, shape_beside
+from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
+from dsz_daemon.diagnose.verdict import untested
+from dsz_daemon.diagnose.verdict.goodness import goodness
 
 
 def some_rows(block: np.ndarray, channels: int = 13) -> Rows:

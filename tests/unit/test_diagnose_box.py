@@ -8,14 +8,14 @@ import scipy.optimize
 from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import noises, rows_of
-from dsz_daemon.diagnose.descent import turned
-from dsz_daemon.diagnose.evidence import Box, solved
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.instruments import low_passed
-from dsz_daemon.diagnose.prediction import Drive, nothing
-from dsz_daemon.diagnose.recording import filter_kernel, filtered
-from dsz_daemon.diagnose.unlisted import _has_structure, _unseen, best_shape
+from dsz_daemon.diagnose.fitting.descent import turned
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import filter_kernel, filtered
+from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
+from dsz_daemon.diagnose.residuals.evidence import Box, solved
+from dsz_daemon.diagnose.shapes.unlisted import _has_structure, _unseen, best_shape
+from dsz_daemon.diagnose.simulation.instruments import low_passed
+from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
 
 
 def _problem(seed: int) -> tuple[np.ndarray, np.ndarray, Box]:

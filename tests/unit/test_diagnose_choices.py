@@ -11,27 +11,28 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
-from dsz_daemon.diagnose import answer, prediction
-from dsz_daemon.diagnose import fit as fitting
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.evidence import gain
-from dsz_daemon.diagnose.fit import Slopes, exactly, fitted, values_of
-from dsz_daemon.diagnose.flexible import flexible_rms
-from dsz_daemon.diagnose.grip import over_shapes
-from dsz_daemon.diagnose.guesses import guesses
-from dsz_daemon.diagnose.locate import located
-from dsz_daemon.diagnose.manoeuvres import MANOEUVRES, driven, next_manoeuvre
-from dsz_daemon.diagnose.moments import in_the_middle, moments_of, with_best_moments
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, Recording
-from dsz_daemon.diagnose.search import Search, gained, searched
-from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, Trial, _judged
-from dsz_daemon.diagnose.unlisted import unlisted
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import fit as fitting
+from dsz_daemon.diagnose.fitting.fit import Slopes, exactly, fitted, values_of
+from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of, with_best_moments
+from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.residuals.evidence import gain
+from dsz_daemon.diagnose.residuals.flexible import flexible_rms
+from dsz_daemon.diagnose.residuals.locate import located
+from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.search import Search, gained, searched
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.trials import Step, Trial, _judged
+from dsz_daemon.diagnose.shapes.unlisted import unlisted
+from dsz_daemon.diagnose.simulation import prediction
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.grip import over_shapes
+from dsz_daemon.diagnose.verdict.manoeuvres import MANOEUVRES, driven, next_manoeuvre
 
 N = 6000
 T = DT_S * np.arange(N)
@@ -151,7 +152,7 @@ def test_what_had_to_go_is_not_tried_again_beside_the_same(monkeypatch: pytest.M
     def alone(_drive: Drive, _rows: Any, before: Any, best: Any, *_: Any) -> tuple[Any, set[str]]:
         return (before, {best.effects[-1]}) if before.effects else (best, set())
 
-    monkeypatch.setattr("dsz_daemon.diagnose.search.plausible", alone)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.search.plausible", alone)
     said: list[str] = []
     one = drive({"accel_scale.y": 0.2, "wheel_radius.rl": -0.003, "gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
     search = searched(one, rows_of(one), TOLERANCE, said.append)
@@ -168,7 +169,7 @@ def test_beside_a_road_the_body_may_lean_from_the_start_on(
     one = drive({}, CITY_V, CITY_STEER)
     rows = rows_of(one)
     plain = fitted(one, rows, nothing(), (), TOLERANCE)
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *_: False)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.feels", lambda *_: False)
     column = INDEX[f"{effect}.{'roll' if road == 'road_bank' else 'pitch'}_gradient_rad_per_mps2"]
 
     def starts(*effects: str) -> list[tuple[str, float]]:
@@ -281,11 +282,11 @@ def test_wheels_that_are_far_off_may_slip_whatever_one_linear_step_says(
     """Beside a climb a slip's slope has the force's jumps in it, which the slip itself has not."""
     one = drive({}, CITY_V, CITY_STEER)
     best = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.far_off", lambda *_: np.arange(13) == 6 + axle)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.far_off", lambda *_: np.arange(13) == 6 + axle)
     assert ("wheel_slip",) in dict(starts_of(one, rows_of(one), best, ["gyro_scale"]))
     slips = best._replace(effects=("wheel_slip",))
     assert ("wheel_slip",) not in dict(starts_of(one, rows_of(one), slips, ["gyro_scale"]))
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.far_off", lambda *_: np.arange(13) == 5)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.far_off", lambda *_: np.arange(13) == 5)
     assert ("wheel_slip",) not in dict(starts_of(one, rows_of(one), best, ["gyro_scale"]))
 
 

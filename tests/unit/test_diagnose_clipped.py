@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
 
 LIMIT_MPS2 = 2.0
 ACROSS = 4

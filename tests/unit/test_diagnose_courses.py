@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose import search as search_module
-from dsz_daemon.diagnose import smaller as smaller_module
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import vocabulary
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.shape_beside import another_course
-from dsz_daemon.diagnose.smaller import without_courses
-from dsz_daemon.diagnose.unlisted import as_effect, library
+from dsz_daemon.diagnose.effects.vocabulary import vocabulary
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection import search as search_module
+from dsz_daemon.diagnose.selection import smaller as smaller_module
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.smaller import without_courses
+from dsz_daemon.diagnose.shapes.shape_beside import another_course
+from dsz_daemon.diagnose.shapes.unlisted import as_effect, library
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing
 
 YAW = 2
 SHAPE = "gyro_z: k*ay*|ay|"

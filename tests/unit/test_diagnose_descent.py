@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import descent, fit
-from dsz_daemon.diagnose.comparison import Rows, rows_of, sensitivities
-from dsz_daemon.diagnose.descent import Learnt, Place, Slope, Step, turned
-from dsz_daemon.diagnose.effects import INDEX, vocabulary
-from dsz_daemon.diagnose.fit import Fit, Slopes, exactly, fitted
-from dsz_daemon.diagnose.prediction import driven, flat, nothing, predicted, shown
-from dsz_daemon.diagnose.unlisted import as_effect
+from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
+from dsz_daemon.diagnose.fitting import descent, fit
+from dsz_daemon.diagnose.fitting.descent import Learnt, Place, Slope, Step, turned
+from dsz_daemon.diagnose.fitting.fit import Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of, sensitivities
+from dsz_daemon.diagnose.shapes.unlisted import as_effect
+from dsz_daemon.diagnose.simulation.prediction import driven, flat, nothing, predicted, shown
 
 RNG = np.random.default_rng(12)
 

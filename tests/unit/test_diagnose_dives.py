@@ -11,18 +11,18 @@ import pytest
 from scipy.signal import lsim
 from test_diagnose_choices import TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import fit as fit_module
-from dsz_daemon.diagnose import screening as screening_module
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.dives import noise_of_a_dive
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.plausible import are_one_turn
-from dsz_daemon.diagnose.prediction import Drive, nothing
-from dsz_daemon.diagnose.recording import DT_S, filter_kernel
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.trials import Step, rank_by
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import fit as fit_module
+from dsz_daemon.diagnose.fitting.dives import noise_of_a_dive
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection import screening as screening_module
+from dsz_daemon.diagnose.selection.plausible import are_one_turn
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.trials import Step, rank_by
+from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
 
 GRADIENT = "suspension_pitch.pitch_gradient_rad_per_mps2"
 # Brakes for two seconds at 3 m/s2 every twenty, and picks up speed again at 0.5.
@@ -137,7 +137,7 @@ def test_a_turned_mount_comes_before_two_leaks_that_happen_to_be_one(
     monkeypatch: pytest.MonkeyPatch, yx: float, first: str
 ) -> None:
     gains = {"accel_cross_axis": 502.0, "imu_misalignment": 500.0}
-    monkeypatch.setattr("dsz_daemon.diagnose.trials.gained", lambda *given: gains[given[2].effects[-1]])
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.trials.gained", lambda *given: gains[given[2].effects[-1]])
     mount = leaking(0.0, 0.0)
     mount.effects = ("imu_misalignment",)
     steps = [Step("accel_cross_axis", 502.0, leaking(0.07, yx)), Step("imu_misalignment", 500.0, mount)]

@@ -10,22 +10,23 @@ from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive, found
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose import another_car, drawings
-from dsz_daemon.diagnose.angles import at_a_side, drawn
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.drawings import WHEELS, as_drawn, told, untold
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted, values_of
-from dsz_daemon.diagnose.instruments import delayed, rolled
-from dsz_daemon.diagnose.motion import AY, DELTA, VY, R
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, Recording
-from dsz_daemon.diagnose.rolling import _of_the_front
-from dsz_daemon.diagnose.slow_sensors import smoothed
-from dsz_daemon.diagnose.smaller import asked_of
-from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import drawings
+from dsz_daemon.diagnose.fitting.drawings import WHEELS, as_drawn, told, untold
+from dsz_daemon.diagnose.fitting.fit import fitted, values_of
+from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
+from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection.smaller import asked_of
+from dsz_daemon.diagnose.simulation.angles import at_a_side, drawn
+from dsz_daemon.diagnose.simulation.instruments import delayed, rolled
+from dsz_daemon.diagnose.simulation.motion import AY, DELTA, VY, R
+from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.rolling import _of_the_front
+from dsz_daemon.diagnose.simulation.slow_sensors import smoothed
+from dsz_daemon.diagnose.simulation.wheel_readings import as_they_read, as_they_roll
+from dsz_daemon.diagnose.verdict import another_car
+from dsz_daemon.diagnose.verdict.answer import answered
 
 SHARP_STEER = 0.25 * np.sin(0.5 * T)
 SLOW_V = 6.0 + 2.0 * np.sin(0.3 * T)

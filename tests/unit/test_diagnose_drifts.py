@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted, values_of
-from dsz_daemon.diagnose.instruments import drifted_s
-from dsz_daemon.diagnose.jumps import jump_in
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.starts import _drifting
-from dsz_daemon.diagnose.unlisted import best_shape, pull_shapes, unlisted
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted, values_of
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.starts import _drifting
+from dsz_daemon.diagnose.shapes.jumps import jump_in
+from dsz_daemon.diagnose.shapes.unlisted import best_shape, pull_shapes, unlisted
+from dsz_daemon.diagnose.simulation.instruments import drifted_s
+from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
 
 FADES, YAW, ACROSS, UP = INDEX["bias_drift.fades_per_s"], 2, 4, 5
 

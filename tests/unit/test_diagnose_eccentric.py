@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.eccentric import circle_of, parts_of
-from dsz_daemon.diagnose.search import Search, searched
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.search import Search, searched
+from dsz_daemon.diagnose.shapes.eccentric import circle_of, parts_of
+from dsz_daemon.diagnose.verdict.answer import answered
 
 RATIO, CIRCLE_RAD = 16.0, 0.006
 # Beyond half of its circle; and so far that half of it is no whole one's beginning.

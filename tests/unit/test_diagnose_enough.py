@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.comparison import BLOCK_S, floors, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.gains import far_off, gained, puts_right, quiet
-from dsz_daemon.diagnose.plausible import is_implausible, is_told
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.screening import Screening, feels, screened
-from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
-from dsz_daemon.diagnose.winds import by_the_lean
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.gains import far_off, gained, puts_right, quiet
+from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, floors, rows_of
+from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.plausible import is_implausible, is_told
+from dsz_daemon.diagnose.selection.screening import Screening, feels, screened
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
+from dsz_daemon.diagnose.surroundings.winds import by_the_lean
 
 YAW, ACROSS = 2, 4
 ROLLS = {
@@ -198,14 +198,14 @@ def test_wind_is_tried_by_its_push_and_by_the_lean(monkeypatch: pytest.MonkeyPat
     soft = plain._replace(x=plain.x.copy(), effects=("suspension_roll",))
     soft.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] = 0.015
     leans = INDEX["side_wind.leans"]
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda _, __, ___, effect: effect == "side_wind")
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.feels", lambda _, __, ___, effect: effect == "side_wind")
 
     def starts(best: Fit) -> list[float]:
         return [float(x[leans]) for names, x in starts_of(one, rows, best, []) if names == ("side_wind",)]
 
     assert starts(plain) == [0.0]
     assert starts(soft) == [0.0, 1.0]
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *_: False)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.feels", lambda *_: False)
     assert starts(soft) == []
 
 
@@ -276,7 +276,7 @@ def test_where_grip_ends_a_sensor_clips_only_where_readings_stand(monkeypatch: p
     beside: Any = SimpleNamespace(**rest, effects=(grip, "sensor_saturation"))
     assert not is_implausible(one, rows_of(one), fit, "sensor_saturation")
     assert is_implausible(one, rows_of(one), beside, "sensor_saturation")
-    monkeypatch.setattr("dsz_daemon.diagnose.plausible.limits_read_off", lambda *_: {0: []})
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.limits_read_off", lambda *_: {0: []})
     assert not is_implausible(one, rows_of(one), beside, "sensor_saturation")
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import COLUMNS, INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import SHOWN, Drive, driven, flat, nothing, on_road, predicted
-from dsz_daemon.diagnose.profiles import Felt, undrawn
-from dsz_daemon.diagnose.search import searched
+from dsz_daemon.diagnose.effects.vocabulary import COLUMNS, INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.simulation.prediction import SHOWN, Drive, driven, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt, undrawn
 
 FLAT_ROADS, FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
 BANK_RAD = 0.03 * np.sin(0.25 * T) + 0.02 * np.sin(0.07 * T)

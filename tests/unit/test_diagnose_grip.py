@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
-from dsz_daemon.diagnose import moments as moments_module
-from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.comparison import residual, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.guesses import guesses
-from dsz_daemon.diagnose.moments import in_the_middle, moments_of
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, nothing, predicted
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, Trial, all_tried, enough_first, rank_by
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import moments as moments_module
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
+from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first, rank_by
+from dsz_daemon.diagnose.simulation.prediction import Drive, nothing, predicted
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
 TURNS = ("steering_ratio", "gyro_scale")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose import guesses as guesses_module
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.guesses import guesses
-from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.recording import DT_S
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection import guesses as guesses_module
+from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.simulation.prediction import nothing
 
 ICE = "low_friction"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.gusts import power_above_n2
-from dsz_daemon.diagnose.recording import DT_S, filtered
-from dsz_daemon.diagnose.winds import GUSTS
+from dsz_daemon.diagnose.recordings.recording import DT_S, filtered
+from dsz_daemon.diagnose.surroundings.gusts import power_above_n2
+from dsz_daemon.diagnose.surroundings.winds import GUSTS
 
 N = 60000
 NONE = np.zeros(N)

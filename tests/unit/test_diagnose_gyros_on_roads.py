@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import trials
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.told_roads import told_road
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection import trials
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
+from dsz_daemon.diagnose.verdict.told_roads import told_road
 
 STEER = 0.03 + 0.5 * CITY_STEER
 # Waves that knots could follow, and such that they could not.

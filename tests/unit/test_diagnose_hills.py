@@ -11,14 +11,14 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE
 from test_diagnose_choices import drive as scattered
 from test_diagnose_prediction import RATIO, N, T, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.evidence import inverse_of_told
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import Drive, Profiles, flat, nothing, on_road, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.recording import Recording
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import Recording
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.residuals.evidence import inverse_of_told
+from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 G = 9.80665
 DIVES = "suspension_pitch.pitch_gradient_rad_per_mps2"

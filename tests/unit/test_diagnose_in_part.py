@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
-from dsz_daemon.diagnose import answer, in_part
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import noises, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.in_part import explains_a_part
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.shown_by import shown_by
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.shown_by import shown_by
+from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict import answer, in_part
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.in_part import explains_a_part
 
 QUICK = np.sin(2.0 * np.pi * T / 0.7)
 # Louder and louder within ten seconds, again and again.

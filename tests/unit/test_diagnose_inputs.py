@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.inputs import smoothed_away
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, FILTER_S, Recording, recorded
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.recordings.recording import DT_S, FILTER_S, Recording, recorded
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.residuals.inputs import smoothed_away
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 

@@ -7,17 +7,17 @@ import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted, values_of
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.loads import between_ends, inertia_of_a_load_kgm2
-from dsz_daemon.diagnose.plausible import is_told
-from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.starts import starts_of
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted, values_of
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_told
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.loads import between_ends, inertia_of_a_load_kgm2
+from dsz_daemon.diagnose.simulation.prediction import Drive, car_of, driven, flat, nothing, predicted
 
 ADDED, SHIFT, TURNS = (INDEX[f"mass_loading.{name}"] for name in ("added_mass_kg", "cg_shift_m", "turns"))
 MASS_KG, ADDED_KG = TUCSON.mass_kg, 300.0

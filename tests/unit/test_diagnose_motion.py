@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.motion import CarModel, moved
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.motion import CarModel, moved
 
 M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_diagnose_choices import CITY_STEER, CITY_V, N, drive, found
 
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.effect_row import Parameter
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.mounts import as_drawn_rad, as_offsets_else, untold_turns
-from dsz_daemon.diagnose.prediction import Drive, flat, gyros_of, nothing, predicted
+from dsz_daemon.diagnose.effects.row import Parameter
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.mounts import as_drawn_rad, as_offsets_else, untold_turns
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, gyros_of, nothing, predicted
+from dsz_daemon.diagnose.verdict.answer import answered
 
 TURNS = {"roll_rad": -0.047, "pitch_rad": -0.045, "yaw_rad": 0.055}
 THREE = (0, 1, 5)

@@ -11,19 +11,19 @@ from core_cases import TUCSON
 from scipy.signal import lfilter
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose.another_car import NUMBERS
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effect_row import CAR, Effect, Parameter
-from dsz_daemon.diagnose.effects import INDEX, vocabulary
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.motion import AY, R
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
-from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.unlisted import is_named, library
-from dsz_daemon.diagnose.winds import follows_the_car
+from dsz_daemon.diagnose.effects.row import CAR, Effect, Parameter
+from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.shapes.unlisted import is_named, library
+from dsz_daemon.diagnose.simulation.motion import AY, R
+from dsz_daemon.diagnose.simulation.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.surroundings.winds import follows_the_car
+from dsz_daemon.diagnose.verdict.another_car import NUMBERS
+from dsz_daemon.diagnose.verdict.answer import answered
 
 # Round tight bends.
 SLOW_V, SHARP_STEER = 6.0 + 2.0 * np.sin(0.3 * T), 0.25 * np.sin(0.5 * T)

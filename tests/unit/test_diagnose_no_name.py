@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.motion import G
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.search import _shaped
-from dsz_daemon.diagnose.smaller import asked_of
-from dsz_daemon.diagnose.unlisted import best_shape, is_named, wheel_squares
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.search import _shaped
+from dsz_daemon.diagnose.selection.smaller import asked_of
+from dsz_daemon.diagnose.shapes.unlisted import best_shape, is_named, wheel_squares
+from dsz_daemon.diagnose.simulation.motion import G
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.signals import IMU_CHANNELS
 
 ALONG, ACROSS, YAW = 3, 4, 2

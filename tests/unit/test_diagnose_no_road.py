@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import swaps as swaps_module
-from dsz_daemon.diagnose.comparison import residual, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.motion import AY
-from dsz_daemon.diagnose.plausible import is_implausible, weighs_nothing
-from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import filter_kernel
-from dsz_daemon.diagnose.swaps import in_its_place
-from dsz_daemon.diagnose.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
-from dsz_daemon.diagnose.trials import ODD_LOAD, Step, rank_by
-from dsz_daemon.diagnose.winds import follows_the_car
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.recordings.recording import filter_kernel
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
+from dsz_daemon.diagnose.selection import swaps as swaps_module
+from dsz_daemon.diagnose.selection.plausible import is_implausible, weighs_nothing
+from dsz_daemon.diagnose.selection.swaps import in_its_place
+from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.selection.trials import ODD_LOAD, Step, rank_by
+from dsz_daemon.diagnose.simulation.motion import AY
+from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.surroundings.winds import follows_the_car
 
 TILT_RAD = 0.04 * np.sin(0.45 * T) + 0.02 * np.sin(1.1 * T + 1.0)
 AHEAD = {"road_grade": "grade_rad", "road_bank": "bank_rad"}
@@ -99,7 +99,7 @@ def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray
 @pytest.mark.parametrize("goes", [False, True])
 def test_a_climb_that_lifts_no_car_is_a_road_as_it_comes_and_goes(monkeypatch: pytest.MonkeyPatch, goes: bool) -> None:
     """A bank that turns none never is."""
-    monkeypatch.setattr("dsz_daemon.diagnose.plausible.goes_to_and_fro", lambda *_: goes)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.goes_to_and_fro", lambda *_: goes)
     for road in AHEAD:
         one = tilted(road, 0.0)
         is_none = is_implausible(one, rows_of(one), its_road(one, road), road)
@@ -198,7 +198,7 @@ def test_a_load_that_weighs_nothing_stands_behind_what_turns_a_car_as_it_does(
     monkeypatch: pytest.MonkeyPatch, added_kg: float, first: str
 ) -> None:
     gains = {"mass_loading": 504.0, "steering_compliance": 500.0}
-    monkeypatch.setattr("dsz_daemon.diagnose.trials.gained", lambda *given: gains[given[2].effects[-1]])
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.trials.gained", lambda *given: gains[given[2].effects[-1]])
     steering = loaded(0.0, 1.0)
     steering.effects, steering.columns = ("steering_compliance",), (0,)
     steps = [Step("mass_loading", 504.0, loaded(added_kg, 100.0)), Step("steering_compliance", 500.0, steering)]

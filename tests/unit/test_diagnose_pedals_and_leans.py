@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, N, T, drive, found
 
-from dsz_daemon.diagnose.aliases import known_classes
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, recorded
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.recordings.recording import DT_S, recorded
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict.aliases import known_classes
+from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.pipeline.grid import Signal
 
 ACROSS, UPRIGHT, PITCH_GYRO, ROLL_GYRO = 4, 5, 1, 0

@@ -11,17 +11,19 @@ from core_cases import TUCSON
 from scipy.signal import firwin, lfilter
 
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose import recording as recordings
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effect_row import SENSORS, Effect, Motion, Parameter
-from dsz_daemon.diagnose.effects import BUILT_IN, COLUMNS, EFFECTS, INDEX, ROAD, TOLERATED, vocabulary
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.instruments import followed
-from dsz_daemon.diagnose.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.recording import DT_S, Recording, recorded
-from dsz_daemon.diagnose.rolling import _unslipped, free_of, tells_engine_from_brakes
+from dsz_daemon.diagnose.effects.nuisances import TOLERATED
+from dsz_daemon.diagnose.effects.row import SENSORS, Effect, Motion, Parameter
+from dsz_daemon.diagnose.effects.surroundings import ROAD
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, COLUMNS, EFFECTS, INDEX, vocabulary
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings import recording as recordings
+from dsz_daemon.diagnose.recordings.recording import DT_S, Recording, recorded
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.instruments import followed
+from dsz_daemon.diagnose.simulation.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.simulation.rolling import _unslipped, free_of, tells_engine_from_brakes
+from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -610,7 +612,7 @@ def test_an_engine_is_told_from_brakes_by_a_car_that_brakes(brakes_mps2: float, 
 
 @pytest.mark.parametrize("tells", [True, False])
 def test_what_an_engine_brakes_is_fitted_where_it_is_told(monkeypatch: pytest.MonkeyPatch, tells: bool) -> None:
-    monkeypatch.setattr("dsz_daemon.diagnose.fit.tells_engine_from_brakes", lambda _: tells)
+    monkeypatch.setattr("dsz_daemon.diagnose.fitting.fit.tells_engine_from_brakes", lambda _: tells)
     one = drive(15.0 + 3.0 * np.sin(0.5 * T))
     x = nothing()
     x[INDEX["wheel_slip.slip_per_force"]] = 0.03

@@ -10,19 +10,19 @@ import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.comparison import residual, rows_of, sensitivities
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.evidence import inverse
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.own_noise import is_its_own
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.screening import feels, screened
-from dsz_daemon.diagnose.shape_beside import shape_beside
-from dsz_daemon.diagnose.unlisted import CHOSEN_OF_MANY
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
+from dsz_daemon.diagnose.residuals.evidence import inverse
+from dsz_daemon.diagnose.residuals.own_noise import is_its_own
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.screening import feels, screened
+from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
+from dsz_daemon.diagnose.shapes.unlisted import CHOSEN_OF_MANY
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 LATE = {"imu_delay": "imu_delay.delay_s", "sensor_bandwidth": "sensor_bandwidth.time_constant_s"}
 

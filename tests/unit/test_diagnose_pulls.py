@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.pulls import BY_FORCE, PULLS, by_force
-from dsz_daemon.diagnose.rolling import Slip, rolling
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.unlisted import pull_shapes
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.shapes.unlisted import pull_shapes
+from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.pulls import BY_FORCE, PULLS, by_force
+from dsz_daemon.diagnose.simulation.rolling import Slip, rolling
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, N, drive
 
-from dsz_daemon.diagnose import prediction
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.prediction import Floats, Profiles, flat, nothing, predicted
-from dsz_daemon.diagnose.rolling import Rolling
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
+from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.simulation import prediction
+from dsz_daemon.diagnose.simulation.prediction import Floats, Profiles, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.rolling import Rolling
 
 I = INDEX["accel_scale.y"]
 STEP = BUILT_IN.columns[I][1].step

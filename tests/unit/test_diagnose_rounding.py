@@ -9,13 +9,13 @@ import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import noises, rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import DT_S, Recording, filter_kernel, recorded
-from dsz_daemon.diagnose.rounding import rounded_anew
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.recordings.recording import DT_S, Recording, filter_kernel, recorded
+from dsz_daemon.diagnose.recordings.rounding import rounded_anew
+from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 

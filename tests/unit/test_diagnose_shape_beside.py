@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose.beside import step_beside
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.evidence import Box, sums
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.gains import quiet
-from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import _shaped, searched
-from dsz_daemon.diagnose.shape_beside import shape_beside
-from dsz_daemon.diagnose.unlisted import Found
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.gains import quiet
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.evidence import Box, sums
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import _shaped, searched
+from dsz_daemon.diagnose.shapes.beside import step_beside
+from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
+from dsz_daemon.diagnose.shapes.unlisted import Found
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing
 
 YAW = 2
 

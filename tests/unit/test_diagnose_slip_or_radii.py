@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
-from dsz_daemon.diagnose.aliases import same_as_slip
-from dsz_daemon.diagnose.answer import _names_slip_alone
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.prediction import Drive
-from dsz_daemon.diagnose.recording import DT_S, Recording
+from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.verdict.aliases import same_as_slip
+from dsz_daemon.diagnose.verdict.answer import _names_slip_alone
 
 N = 9000
 T = DT_S * np.arange(N)

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
-from dsz_daemon.diagnose import search as search_module
-from dsz_daemon.diagnose import smaller as smaller_module
-from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import all_hands, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.plausible import does_nothing
-from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.smaller import Grown, asked_of, plausible, without_trifles
-from dsz_daemon.diagnose.trials import Step
-from dsz_daemon.diagnose.unlisted import Found, as_effect
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.residuals.comparison import all_hands, rows_of
+from dsz_daemon.diagnose.selection import search as search_module
+from dsz_daemon.diagnose.selection import smaller as smaller_module
+from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.plausible import does_nothing
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.smaller import Grown, asked_of, plausible, without_trifles
+from dsz_daemon.diagnose.selection.trials import Step
+from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect
+from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.verdict.answer import answered
 
 
 @pytest.mark.parametrize(

@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import descent, motion, smooth_roads
-from dsz_daemon.diagnose.comparison import floors, rows_of
-from dsz_daemon.diagnose.descent import Place, Slope
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, _floors, exactly, fitted
-from dsz_daemon.diagnose.gains import gained, is_beyond_form, quiet
-from dsz_daemon.diagnose.prediction import Drive, driven, flat, nothing, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.smooth_roads import (
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import descent
+from dsz_daemon.diagnose.fitting.descent import Place, Slope
+from dsz_daemon.diagnose.fitting.fit import Fit, _floors, exactly, fitted
+from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
+from dsz_daemon.diagnose.residuals.comparison import floors, rows_of
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.surroundings import smooth_roads
+from dsz_daemon.diagnose.surroundings.profiles import Felt
+from dsz_daemon.diagnose.surroundings.smooth_roads import (
     bends,
     leaning,
     roughness,
@@ -180,7 +182,7 @@ def test_a_leans_spread_has_in_it_what_the_smooth_road_tells(
     # Honestly counted: rows that hang together count as one, however much more the fit listens to them.
     by_road = rows_as_one(bent) * smooth_roads.SURER / lean.squares[0, 0]
     assert told == pytest.approx(by_road, rel=0.6)
-    monkeypatch.setattr("dsz_daemon.diagnose.fit.leans_on_a_bank", lambda effects: False)
+    monkeypatch.setattr("dsz_daemon.diagnose.fitting.fit.leans_on_a_bank", lambda effects: False)
     # By the kernel's own formulas all else is to the last digit, and would tell more than it does of any car.
     assert float(exactly(one, rows, larger, TOLERANCE).covariance[at, at]) < 0.5 * told
 

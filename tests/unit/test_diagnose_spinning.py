@@ -10,15 +10,15 @@ from core_cases import TUCSON
 from test_diagnose_choices import N, T
 
 from dsz_daemon.diagnose import Diagnosed, diagnose
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import vocabulary
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import Floats, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import Recording
-from dsz_daemon.diagnose.said import Diagnosis
-from dsz_daemon.diagnose.spinning import rolling_rows, spinning
+from dsz_daemon.diagnose.effects.vocabulary import vocabulary
+from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import Recording
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.prediction import Floats, flat, nothing, predicted
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.said import Diagnosis
 from dsz_daemon.pipeline.grid import Signal
 
 RATIO = 16.0

@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
 
-from dsz_daemon.diagnose import motion
-from dsz_daemon.diagnose import steered as steered_module
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.beside import taken_beside
-from dsz_daemon.diagnose.car_courses import Course, as_effect_of_the_car, courses_of
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.effect_row import Effect
-from dsz_daemon.diagnose.effects import INDEX, vocabulary
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.manoeuvres import next_manoeuvre
-from dsz_daemon.diagnose.own_courses import pushed_by
-from dsz_daemon.diagnose.prediction import Drive, Moving, car_of, driven, flat, nothing, of_roll, predicted
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import searched
-from dsz_daemon.diagnose.shape_names import MOMENT, REAR, STEERING, TYRES, is_of_the_car, with_shapes
-from dsz_daemon.diagnose.smaller import asked_of
-from dsz_daemon.diagnose.steered import steered_shape
-from dsz_daemon.diagnose.unlisted import as_effect, unlisted
+from dsz_daemon.diagnose.effects.row import Effect
+from dsz_daemon.diagnose.effects.shape_names import MOMENT, REAR, STEERING, TYRES, is_of_the_car, with_shapes
+from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.smaller import asked_of
+from dsz_daemon.diagnose.shapes import steered as steered_module
+from dsz_daemon.diagnose.shapes.beside import taken_beside
+from dsz_daemon.diagnose.shapes.car_courses import Course, as_effect_of_the_car, courses_of
+from dsz_daemon.diagnose.shapes.steered import steered_shape
+from dsz_daemon.diagnose.shapes.unlisted import as_effect, unlisted
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.own_courses import pushed_by
+from dsz_daemon.diagnose.simulation.prediction import Drive, Moving, car_of, driven, flat, nothing, of_roll, predicted
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.manoeuvres import next_manoeuvre
 
 RATIO = 16.0
 STEERS, LEANS = "steering: k*vx^2", "gyro_z: k*vx^2"

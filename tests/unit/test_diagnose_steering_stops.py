@@ -8,10 +8,10 @@ from core_cases import TUCSON
 from test_diagnose_choices import CITY_V, N, T
 
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.prediction import flat, nothing, predicted
-from dsz_daemon.diagnose.recording import Recording
-from dsz_daemon.diagnose.steering_stops import is_one, stop_of, without_it
+from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
+from dsz_daemon.diagnose.recordings.recording import Recording
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
 from dsz_daemon.pipeline.grid import Signal
 
 RATIO, LIMIT_RAD = 16.0, 0.6

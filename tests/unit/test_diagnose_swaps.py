@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
 
-from dsz_daemon.diagnose import fit as fit_module
-from dsz_daemon.diagnose import search as search_module
-from dsz_daemon.diagnose import starts as starts_module
-from dsz_daemon.diagnose import swaps as swaps_module
-from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import Rows, rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import Fit, fitted
-from dsz_daemon.diagnose.prediction import Drive, nothing
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import Search, searched
-from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.swaps import a_load_instead, a_scale_instead, in_its_place
-from dsz_daemon.diagnose.trials import Step, Trial, two_instead
-from dsz_daemon.diagnose.unlisted import as_effect
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import fit as fit_module
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of
+from dsz_daemon.diagnose.selection import search as search_module
+from dsz_daemon.diagnose.selection import starts as starts_module
+from dsz_daemon.diagnose.selection import swaps as swaps_module
+from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import Search, searched
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.swaps import a_load_instead, a_scale_instead, in_its_place
+from dsz_daemon.diagnose.selection.trials import Step, Trial, two_instead
+from dsz_daemon.diagnose.shapes.unlisted import as_effect
+from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
+from dsz_daemon.diagnose.verdict.answer import answered
 
 SLOW = {"sensor_bandwidth.time_constant_s": 0.08}
 LATE = {"imu_delay.delay_s": 0.04}

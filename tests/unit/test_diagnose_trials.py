@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import trials as trials_module
-from dsz_daemon.diagnose.trials import Step, Trial, all_tried, enough_first
+from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first
 
 _X = np.zeros(1)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 
-from dsz_daemon.diagnose import answer
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.level import level_of, turned_by_another
-from dsz_daemon.diagnose.prediction import Drive
+from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.level import level_of, turned_by_another
 from dsz_daemon.runs.diagnose import words
 
 GYRO_Z, ACCEL_Y = 2, 4

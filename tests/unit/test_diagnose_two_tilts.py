@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.effects import INDEX, KNOTS
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.prediction import Drive, Profiles, driven, flat, nothing, on_road, predicted
-from dsz_daemon.diagnose.profiles import Felt
+from dsz_daemon.diagnose.effects.surroundings import KNOTS
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, driven, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 BOTH = ("road_bank", "road_grade")
 INCLINE_RAD, G = 0.05, 9.80665

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.tyre_curve import bent, curve_of, limited
+from dsz_daemon.diagnose.simulation.tyre_curve import bent, curve_of, limited
 
 
 @pytest.mark.parametrize("sharpness", [1.7, 2.5, 4.0, 11.5, 20.5])

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose import plausible, search, unnamed
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.drives import drive_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import fitted
-from dsz_daemon.diagnose.trials import Step
-from dsz_daemon.diagnose.unlisted import Found, as_effect, is_named
-from dsz_daemon.diagnose.unnamed import not_named
-from dsz_daemon.diagnose.wheel_readings import as_they_read, as_they_roll
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection import plausible, search
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import fitted
+from dsz_daemon.diagnose.selection.trials import Step
+from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect, is_named
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.wheel_readings import as_they_read, as_they_roll
+from dsz_daemon.diagnose.verdict import unnamed
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.unnamed import not_named
 
 CHANNEL = {"gyro_z": 2, "accel_x": 3, "accel_y": 4}
 OWN = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}

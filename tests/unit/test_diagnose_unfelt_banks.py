@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained, puts_right
-from dsz_daemon.diagnose.motion import G
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, on_road, predicted
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.search import Search
-from dsz_daemon.diagnose.smaller import without_trifles
-from dsz_daemon.diagnose.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained, puts_right
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.search import Search
+from dsz_daemon.diagnose.selection.smaller import without_trifles
+from dsz_daemon.diagnose.simulation.motion import G
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.surroundings.profiles import Felt
+from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.verdict.answer import answered
 
 # Of a road that is driven at 12 m/s: waves of 130 m and of 250 m.
 BANK = 0.02 * np.sin(2.0 * np.pi * T / 11.0) + 0.025 * np.sin(2.0 * np.pi * T / 21.0 + 1.0)

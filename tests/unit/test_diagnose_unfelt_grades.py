@@ -7,22 +7,18 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 from test_diagnose_unfelt_banks import all_named_beside, tilted
 
-from dsz_daemon.diagnose import gains as gains_module
-from dsz_daemon.diagnose.answer import answered
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained, told_from
-from dsz_daemon.diagnose.goodness import goodness
-from dsz_daemon.diagnose.level import doubt, level_of, unexplained_of
-from dsz_daemon.diagnose.motion import G
-from dsz_daemon.diagnose.plausible import is_implausible
-from dsz_daemon.diagnose.prediction import ALONG, Drive, nothing, on_road
-from dsz_daemon.diagnose.profiles import Felt
-from dsz_daemon.diagnose.recording import DT_S
-from dsz_daemon.diagnose.smaller import without_trifles, worth_now
-from dsz_daemon.diagnose.told_roads import told_road
-from dsz_daemon.diagnose.unfelt_grades import (
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting import gains as gains_module
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained, told_from
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.smaller import without_trifles, worth_now
+from dsz_daemon.diagnose.simulation.motion import G
+from dsz_daemon.diagnose.simulation.prediction import ALONG, Drive, nothing, on_road
+from dsz_daemon.diagnose.surroundings.profiles import Felt
+from dsz_daemon.diagnose.surroundings.unfelt_grades import (
     along_the_way,
     by_place,
     cell_means,
@@ -31,6 +27,10 @@ from dsz_daemon.diagnose.unfelt_grades import (
     rises_and_falls,
     way_of,
 )
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.goodness import goodness
+from dsz_daemon.diagnose.verdict.level import doubt, level_of, unexplained_of
+from dsz_daemon.diagnose.verdict.told_roads import told_road
 
 WAY_M = DT_S * np.cumsum(CITY_V)
 # Hills of 250 m and of 170 m.

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose import evidence
-from dsz_daemon.diagnose.comparison import Rows
-from dsz_daemon.diagnose.descent import loss_of
-from dsz_daemon.diagnose.evidence import Box, held_out, held_out_kinds, solved, sums
+from dsz_daemon.diagnose.fitting.descent import loss_of
+from dsz_daemon.diagnose.residuals import evidence
+from dsz_daemon.diagnose.residuals.comparison import Rows
+from dsz_daemon.diagnose.residuals.evidence import Box, held_out, held_out_kinds, solved, sums
 
 BLOCKS, ROWS, CHANNELS, P = 12, 20, 2, 5
 FREE = Box(np.full(P, -math.inf), np.full(P, math.inf), np.zeros(P))

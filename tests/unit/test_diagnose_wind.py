@@ -10,20 +10,22 @@ import pytest
 from scipy.signal import lfilter, lsim
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
-from dsz_daemon.diagnose import search as search_module
-from dsz_daemon.diagnose import told_roads, trials, winds
-from dsz_daemon.diagnose.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.effects import BUILT_IN, INDEX
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import told_from
-from dsz_daemon.diagnose.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
-from dsz_daemon.diagnose.profiles import Felt, wind_ahead_m
-from dsz_daemon.diagnose.recording import DT_S, filter_kernel, filtered
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.search import _with_wind_anew, searched
-from dsz_daemon.diagnose.smaller import worth_now
-from dsz_daemon.diagnose.starts import starts_of
-from dsz_daemon.diagnose.trials import Step, Trial, enough_first, two_at_once
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import told_from
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.selection import search as search_module
+from dsz_daemon.diagnose.selection import trials
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.search import _with_wind_anew, searched
+from dsz_daemon.diagnose.selection.smaller import worth_now
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, two_at_once
+from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.surroundings import winds
+from dsz_daemon.diagnose.surroundings.profiles import Felt, wind_ahead_m
+from dsz_daemon.diagnose.verdict import told_roads
 
 MIDDLE = slice(500, N - 500)
 AHEAD = INDEX["side_wind.ahead_m"]
@@ -62,7 +64,7 @@ def test_without_a_yaw_rate_nobody_knows_where_a_wind_pushes() -> None:
 def test_where_a_car_spins_no_wind_has_pushed(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = blown_on(0.4)
     calm = Felt(one, nothing(), ())
-    monkeypatch.setattr("dsz_daemon.diagnose.profiles.predicted", lambda *_: np.full((N, 13), np.inf))
+    monkeypatch.setattr("dsz_daemon.diagnose.surroundings.profiles.predicted", lambda *_: np.full((N, 13), np.inf))
     assert wind_ahead_m(one, nothing(), calm, ("side_wind",)) == 0.0
 
 
@@ -70,7 +72,7 @@ def test_a_wind_is_tried_from_where_the_yaw_rate_has_it(monkeypatch: pytest.Monk
     one, _ = blown_on(0.4)
     rows = rows_of(one)
     plain = fitted(one, rows, nothing(), (), TOLERANCE)
-    monkeypatch.setattr("dsz_daemon.diagnose.starts.feels", lambda *arguments: arguments[-1] == "side_wind")
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.starts.feels", lambda *arguments: arguments[-1] == "side_wind")
     starts = [x for names, x in starts_of(one, rows, plain, []) if names == ("side_wind",)]
     assert [x[AHEAD] for x in starts] == [pytest.approx(0.4, abs=0.1)]
     # And a fit begins there.

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.fit import fitted
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.prediction import nothing
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.without import slopes_at, surely_without, without
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.fitting.without import slopes_at, surely_without, without
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.simulation.prediction import nothing
 
 ONE = drive({"gyro_scale.z": 0.05, "steering_ratio.scale": 0.04}, CITY_V, CITY_STEER)
 ROWS = rows_of(ONE)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.recording import FILTER_S, filter_kernel, filtered
+from dsz_daemon.diagnose.recordings.recording import FILTER_S, filter_kernel, filtered
 from dsz_daemon.report.diagnosis_residuals import memory, noise_density, spectrum
 
 NAN = math.nan

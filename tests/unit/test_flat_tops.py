@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.comparison import rows_of
-from dsz_daemon.diagnose.effects import INDEX
-from dsz_daemon.diagnose.fit import exactly, fitted
-from dsz_daemon.diagnose.flat_tops import FlatTop, flat_top
-from dsz_daemon.diagnose.gains import gained
-from dsz_daemon.diagnose.guesses import guesses
-from dsz_daemon.diagnose.limits import read_off
-from dsz_daemon.diagnose.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.recording import recorded, white_std
-from dsz_daemon.diagnose.screening import screened
-from dsz_daemon.diagnose.smaller import share_of_all
-from dsz_daemon.diagnose.trials import Trial
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import exactly, fitted
+from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.fitting.limits import read_off
+from dsz_daemon.diagnose.recordings.flat_tops import FlatTop, flat_top
+from dsz_daemon.diagnose.recordings.recording import recorded, white_std
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.smaller import share_of_all
+from dsz_daemon.diagnose.selection.trials import Trial
+from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
 from dsz_daemon.pipeline.grid import Signal
 
 STEP = 0.001

@@ -12,7 +12,7 @@ import pytest
 from dsz_daemon import diagnose as api
 from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.input_faults import (
+from dsz_daemon.diagnose.faults.input_faults import (
     AT_THE_ROAD,
     BY_HAND,
     InputWiring,
@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.input_faults import (
     _View,
     found_input_faults,
 )
-from dsz_daemon.diagnose.recording import recorded
+from dsz_daemon.diagnose.recordings.recording import recorded
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal

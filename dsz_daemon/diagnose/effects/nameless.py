@@ -1,0 +1,76 @@
+"""What may be there, and has no name in the vocabulary: fitted as the named effects are, told as a shape."""
+
+from __future__ import annotations
+
+import math
+
+from dsz_daemon.diagnose.effects.row import CAR, SENSORS, WHEELS, Effect, Parameter, even
+
+NAMELESS = (
+    Effect(
+        "wheel_square",
+        "Wheel speeds are off by {fl:.1e}, {fr:.1e}, {rl:.1e}, {rr:.1e} of their squares (front left to rear right)",
+        "reading = omega r + k v^2",
+        WHEELS,
+        even("fl fr rl rr", "s/m", 3e-4, 0.02, 2e-5),
+    ),
+    Effect(
+        "wheel_growth",
+        "All tyres' radii grow by {per_v2:.1e} of the square of the speed",
+        "reading = v / (1 + k v^2)",
+        CAR,
+        even("per_v2", "s2/m2", 3e-6, 2e-4, 1e-6),
+    ),
+    Effect(
+        "imu_clock",
+        "The IMU's clock is off: its readings come later by {per_s:.1e} of the time",
+        "reading(t) = y(t - d - k t)",
+        SENSORS,
+        (Parameter("per_s", "s/s", 1e-4, -5e-3, 5e-3, 2e-5), Parameter("late_s", "s", 0.02, -0.5, 0.5, math.inf)),
+    ),
+    Effect(
+        "yaw_inertia",
+        "The yaw inertia is off by {share:.2f} of what is configured",
+        "(1 + k) I_z r' = M_z",
+        CAR,
+        (Parameter("share", "1", 0.1, -0.7, 2.0, 0.03),),
+    ),
+    Effect(
+        "locked_axle",
+        "The driven axle's wheels turn alike, by {share:.2f} of what they differ by in a bend",
+        "v = v_x -+ (1 - k) r track / 2",
+        WHEELS,
+        (Parameter("share", "1", 0.1, 0.0, 1.2, 0.05),),
+    ),
+    Effect(
+        "steering_lag",
+        "The front wheels follow the hand wheel by {time_constant_s:.3f} s",
+        "T delta' = hand / ratio - delta",
+        CAR,
+        (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
+    ),
+    Effect(
+        "steering_friction",
+        "The front wheels stay {width_rad:.4f} rad apart by the way that they are turned, softly",
+        "delta = hand / ratio - z width/2, z' = (sign(delta') - z) |delta'| / s, s = (1 + k) width/2",
+        CAR,
+        (
+            Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),
+            Parameter("softness", "1", 0.5, -0.9, 3.0, math.inf),
+        ),
+    ),
+    Effect(
+        "nose_lift",
+        "The nose lifts by {rad_per_v2:.1e} rad of the square of the speed",
+        "theta = -k v^2",
+        SENSORS,
+        (Parameter("rad_per_v2", "rad s2/m2", 3e-6, -2e-4, 2e-4, 1e-6),),
+    ),
+    Effect(
+        "wheels_more",
+        "All wheels that roll show {offset_mps:+.2f} m/s more than they do",
+        "reading = omega r + k",
+        CAR,
+        even("offset_mps", "m/s", 0.02, 3.0, 0.05),
+    ),
+)

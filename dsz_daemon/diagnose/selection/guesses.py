@@ -1,0 +1,113 @@
+"""Where to begin with what has no slope at 0, or another one: limits that readings clip at, and that grip has."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.descent import loss_of_rows
+from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.limits import LIMITS, reaches, tops_of
+from dsz_daemon.diagnose.fitting.moments import SHORTEST_S
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import ROW_S, Each, Rows, residual
+from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, flat, predicted
+
+# The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
+_BEYOND, _FOR_ROWS = 1.02, 5
+# So much of log likelihood has to be gained in a slippery stretch.
+_LEAST = 10.0
+_YAW, _ACROSS = 2, 4
+_FRICTIONS = np.geomspace(0.12, 1.0, 14)
+# Whether drive and brakes take of the grip.
+_ELLIPSES = 0.01, 1.0
+# What a row has to gain to count.
+_NOTHING = 0.02
+_MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
+# A stretch that gains so much of what the best does may be it.
+_ABOUT = 0.9
+# Not 0, so that it is fitted.
+_SOME_SHARPNESS = 0.01
+
+
+def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
+    """Effects with parameters (as in the `best` fit so far) to begin from."""
+    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best, each)]
+
+
+def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
+    course = predicted(drive, x, flat(len(drive.steer)))
+    found, start = course[rows.at], x.copy()
+    for first, name in LIMITS:
+        limits = [top.limit for top in tops_of(drive, first) if reaches(drive, course, top)]
+        for c in range(first, first + 3):
+            used = rows.used[:, c]
+            if np.count_nonzero(used) < 100:
+                continue
+            furthest = float(np.max(np.abs(rows.measured[used, c])))
+            if np.count_nonzero(np.abs(found[used, c]) > _BEYOND * furthest) >= _FOR_ROWS:
+                limits.append(furthest)
+        if limits:
+            start[INDEX[f"sensor_saturation.{name}"]] = max(limits)
+    return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
+
+
+def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
+    """The stretch, and its friction, that would explain the most were nothing else changed; and the same all the way.
+
+    A car forgets in less than a second what it drove on. So what each row gains on a road that is slippery all the way
+    is what it gains in any stretch, and of each friction the best stretch is where the sum of that is the largest.
+    A stretch that is another one and gains about as much is one to begin with, too: near the limit a car with a little
+    less grip spins, and what was slippery for longer seems to have ended before.
+    """
+    if not (rows.used[:, _YAW].any() or rows.used[:, _ACROSS].any()):
+        return []
+    most_of_all, everywhere, stretches = _LEAST, list[tuple[str, Floats]](), list[tuple[float, Floats]]()
+    before = loss_of_rows(best.left, rows, best.scatter)
+
+    def all_the_way(grip: tuple[float, float]) -> tuple[Floats, Floats]:
+        friction, ellipse = grip
+        x = best.x.copy()
+        x[INDEX["low_friction.ellipse"]] = ellipse
+        x[INDEX["low_friction.inverse_square"]] = friction**-2
+        x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
+        x[_MOMENTS] = 0.0, len(drive.steer) * DT_S
+        return x, loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+
+    for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
+        gained = before - after - _NOTHING
+        if (of_all := float(np.sum(gained))) > most_of_all:
+            most_of_all, everywhere = of_all, [("tyre_saturation", as_everywhere(best.x, x))]
+        first, last, total = _stretch(gained)
+        if total > _LEAST and (last - first) * ROW_S > SHORTEST_S:
+            x[_MOMENTS] = rows.at[[first, last - 1]] * DT_S
+            stretches.append((total, x))
+    stretches.sort(key=lambda one: -one[0])
+    others = [one for one in stretches if one[0] > _ABOUT * stretches[0][0] and _are_apart(one[1], stretches[0][1])]
+    return [*everywhere, *(("low_friction", x) for _, x in (*stretches[:1], *others[:1]))]
+
+
+def _are_apart(one: Floats, other: Floats) -> bool:
+    return bool(np.max(np.abs(one[_MOMENTS] - other[_MOMENTS])) > SHORTEST_S)
+
+
+def as_everywhere(before: Floats, slippery: Floats) -> Floats:
+    """The parameters of a road that is slippery all the way, as those of tyres that hold no better on any."""
+    x = before.copy()
+    for name in ("inverse_square", "sharpness", "ellipse"):
+        x[INDEX[f"tyre_saturation.{name}"]] = slippery[INDEX[f"low_friction.{name}"]]
+    return x
+
+
+def _stretch(values: Floats) -> tuple[int, int, float]:
+    """From and to which row the sum of the values is the largest, and the sum (Kadane)."""
+    best, most, begun, total = (0, 0), 0.0, 0, 0.0
+    for k, value in enumerate(values.tolist()):
+        if total <= 0.0:
+            begun, total = k, 0.0
+        total += value
+        if total > most:
+            best, most = (begun, k + 1), total
+    return *best, most

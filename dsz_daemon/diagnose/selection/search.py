@@ -1,0 +1,341 @@
+"""From residuals to named causes: refit what is known first, screen all effects, really fit the best, keep what holds.
+
+A step is judged by what it gains on blocks that its fit has not seen, in log likelihood, divided by the
+autocorrelation of what the LARGER model leaves: a partial explanation leaves much that hangs together and gains little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.nuisances import TOLERATED
+from dsz_daemon.diagnose.effects.shape_names import is_shape
+from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
+from dsz_daemon.diagnose.fitting.drawings import as_drawn, untold
+from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
+from dsz_daemon.diagnose.fitting.moments import in_the_middle
+from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands, sensitivities
+from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.smaller import (
+    Grown,
+    asked_of,
+    plausible,
+    without_courses,
+    without_idle_shapes,
+    without_leaners,
+    without_trifles,
+    worth_now,
+)
+from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.swaps import a_load_instead, a_scale_instead, in_its_place
+from dsz_daemon.diagnose.selection.trials import (
+    SURELY,
+    Step,
+    Trial,
+    all_tried,
+    enough_first,
+    rank_by,
+    rivals_of,
+    two_at_once,
+    two_instead,
+)
+from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes
+from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
+from dsz_daemon.diagnose.shapes.unlisted import BY_CHANCE, Found
+from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.simulation.pulls import by_force
+
+Progress = Callable[[str], None]
+
+# Beside a wind, of what it gains, what a car does.
+_SHARE_OF_WIND = 0.3
+_MOST_EFFECTS = 6
+# What is no scale to one side, or at one time, has to explain so much more than a scale.
+_SURELY_UNEVEN = 1.2
+# An effect that had to go may come back; not for ever.
+_MOST_STEPS = 12
+# So little may a step still take off what is left of a model that others are compared with.
+_WELL = 2e-5
+# The yaw rate.
+_JUDGES_WIND = 2
+
+
+class Search(NamedTuple):
+    """The nominal refit, the model at the end, and the rivals of each effect at the time it was chosen.
+
+    `elsewhere`: what each gains on whole manoeuvres and recordings that its fit has not seen. `shapes` explained more
+    than any name did, and are in the drive's prediction.
+    """
+
+    drive: Drive
+    rows: Rows
+    nominal: Fit
+    best: Fit
+    rivals: Mapping[str, tuple[Step, ...]]
+    gains: Mapping[str, float]
+    elsewhere: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+    shapes: tuple[Found, ...] = ()
+
+
+def searched(
+    drive: Drive,
+    rows: Rows,
+    tolerance: Mapping[str, float],
+    progress: Progress | None = None,
+    each: Each = map,
+) -> Search:
+    """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
+    say = progress or (lambda _: None)
+    say("refitting offsets and what has a tolerance")
+    nominal = _refitted(drive, rows, tolerance, each)
+    best, rivals, gains = nominal, {}, dict[str, float]()
+    elsewhere: dict[str, dict[str, float]] = {}
+    shapes: list[Found] = []
+    refused, waits, known = set[str](), frozenset[str](), None
+    for _ in range(_MOST_STEPS):
+        if len(best.effects) >= _MOST_EFFECTS:
+            break
+        best = _drawn(drive, rows, best, tolerance, each)
+        say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
+        screening = screened(drive, rows, best, tolerance, each, known)
+        trial = Trial(drive, rows, best, tolerance, screening.known)
+        starts = [start for start in starts_of(drive, rows, best, screening.names, each) if not set(start[0]) & refused]
+        beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
+        enough = partial(
+            enough_first,
+            drive,
+            best,
+            asked_by=partial(asked_of, drive, gains=dict(gains)),
+            of_a_car=beside * best.felt.is_anew,
+        )
+        tried, waits = all_tried(trial, starts, waits, enough, each)
+        shaped = _nameless(trial, tried, gains, each)
+        two = two_instead(trial, screening, tried, refused, shaped[-1], each) if shaped is not None else []
+        if shaped is not None and not two:
+            drive, best, shape = shaped
+            say(f"{shape.channel} has a shape without a name: {shape.shape}")
+            name = shape.effect.name
+            gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
+            # One that had to go may come back.
+            shapes += [] if name in {known.effect.name for known in shapes} else [shape]
+            nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
+            continue
+        tried = two or enough(tried) or two_at_once(trial, screening, starts, refused, each)
+        if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
+            best = anew
+            continue
+        if not tried:
+            break
+        before, gained_before, now = best, dict(gains), tried[0].fit
+        if not now.road.bank_rad.any() and not now.road.grade_rad.any():
+            now = fitted(drive, rows, now.x, now.effects, tolerance, _WELL, each)
+        grown = Grown(drive, rows, tolerance, before, now, each)
+        if (settled := grown.settled()) is not None:
+            best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
+            continue
+        rivals |= rivals_of(best, tried, rank_by(drive, best, tried))
+        elsewhere |= {
+            effect: {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
+            for effect in tried[0].fit.effects[len(best.effects) :]
+        }
+        gains[tried[0].effect] = tried[0].gain
+        best = grown.without_idle(gains)
+        best, wrong = plausible(drive, rows, before, best, tolerance, each)
+        known = grown.known if best is now else None
+        # Of the same model two may drive each other out for ever.
+        refused = wrong | (refused if best is before else set())
+        gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
+    found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
+    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
+
+
+def _without_its_twin(
+    drive: Drive,
+    before: Fit,
+    settled: Fit,
+    gains: dict[str, float],
+    rivals: dict[str, tuple[Step, ...]],
+    elsewhere: dict[str, dict[str, float]],
+) -> Fit:
+    """The settled model; of two that came at once the one that stays has gained what both did. Writes what it gains."""
+    for effect in settled.effects:
+        if effect not in gains:
+            gains[effect] = gained(drive, before, settled)
+            rivals[effect] = (Step(effect, gains[effect], settled),)
+            elsewhere[effect] = {}
+    return settled
+
+
+def _each_in_its_place(found: Search, tolerance: Mapping[str, float], say: Progress, each: Each) -> Search:
+    """What came before others did gives its place to a rival that gains more beside these."""
+    best, gains, elsewhere = found.best, dict(found.gains), dict(found.elsewhere)
+    rivals = dict(found.rivals)
+    if len(best.effects) > 1:
+        say("trying what came near each in its place")
+    # The newest was held against all of them beside the same.
+    for effect in best.effects[:-1]:
+        if is_shape(effect):
+            continue
+        others = in_its_place(found.drive, found.rows, found.nominal, best, effect, rivals[effect], tolerance, each)
+        if not others:
+            continue
+        top = next(step.gain for step in rivals[effect] if step.effect == effect)
+        tried = [Step(effect, top, best), *(step._replace(gain=top + step.gain) for step in others)]
+        again = {step.effect for step in tried}
+        steps = (*tried, *(step for step in rivals[effect] if step.effect not in again))
+        first, more = (others[0].effect, others[0].gain) if others[0].gain > 0.0 else (effect, 0.0)
+        if first != effect:
+            best = others[0].fit
+            gains[first], elsewhere[first] = gains.pop(effect) + more, {}
+            del rivals[effect], elsewhere[effect]
+        rivals[first] = steps
+    return found._replace(best=best, gains=gains, rivals=rivals, elsewhere=elsewhere)
+
+
+def _with_a_load(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """The search with a load for what one does to tyres and inertia at once, where that is as good."""
+    loaded = a_load_instead(found.drive, found.rows, found.nominal, found.best, found.rivals, tolerance, each)
+    if loaded is None:
+        return found
+    gone = set(found.best.effects) - set(loaded.fit.effects)
+    gain = loaded.gain + sum(found.gains[effect] for effect in gone)
+    steps = tuple(step for effect in sorted(gone) for step in found.rivals[effect] if step.effect != loaded.effect)
+    return found._replace(
+        best=loaded.fit,
+        gains={**{e: g for e, g in found.gains.items() if e not in gone}, loaded.effect: gain},
+        rivals={
+            **{e: r for e, r in found.rivals.items() if e not in gone},
+            loaded.effect: (Step(loaded.effect, gain, loaded.fit), *steps),
+        },
+        elsewhere={**{e: k for e, k in found.elsewhere.items() if e not in gone}, loaded.effect: {}},
+    )
+
+
+def _with_a_scale(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """The search with a yaw gyro's scale for what one does to ratio and tracks at once, where that is as good."""
+    scaled = a_scale_instead(found.drive, found.rows, found.nominal, found.best, tolerance, each)
+    if scaled is None:
+        return found
+    new, gone = scaled.effect, set(found.best.effects) - set(scaled.fit.effects)
+    before = sum(found.gains[effect] for effect in gone)
+    stays = [effect for effect in scaled.fit.effects if effect != new]
+    return found._replace(
+        best=scaled.fit,
+        gains={**{effect: found.gains[effect] for effect in stays}, new: before + scaled.gain},
+        rivals={
+            **{effect: found.rivals[effect] for effect in stays},
+            new: (scaled._replace(gain=before + scaled.gain),),
+        },
+        elsewhere={**{effect: found.elsewhere[effect] for effect in stays}, new: {}},
+    )
+
+
+def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
+    """One cause for two where it does what both do, without trifles, and what was found of them."""
+    found = _with_a_load(_with_a_scale(found, tolerance, each), tolerance, each)
+    gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
+    best = without_idle_shapes(found.drive, found.rows, best, tolerance, each)
+    best = without_leaners(found.drive, found.rows, best, tolerance, gains, each)
+    best = without_courses(found.drive, found.rows, best, tolerance, gains, each)
+    best = in_the_middle(found.drive, found.rows, best, tolerance, each)
+    shapes = tuple(shape for shape in found.shapes if shape.effect.name in best.effects)
+    return found._replace(
+        best=best, gains=gains, rivals={effect: found.rivals[effect] for effect in best.effects}, shapes=shapes
+    )
+
+
+def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
+    """Where the yaw rate is still off: the same model, of which other tyres have another wind; None where none has.
+
+    Nor where that is none any more: what other tyres do not hold may be taken for wind that follows the car.
+    """
+    felt = None if quiet(trial.drive, trial.best)[_JUDGES_WIND] else trial.best.felt.anew()
+    if felt is None:
+        return None
+    best = trial.best
+    anew = fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
+    return None if is_implausible(trial.drive, trial.rows, anew, "side_wind") else anew
+
+
+def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
+    """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
+    level = nothing(drive.vocabulary)
+    start = untold(level, drive.steer)
+    if not np.array_equal(start, level):
+        # Roughly first: how wheels are drawn is told by far, or not yet.
+        roughly = fitted(drive, rows, start, (), tolerance, each=each)
+        drawn = as_drawn(roughly.x, roughly.std, roughly.columns)
+        start = roughly.x if drawn is None else drawn
+    nominal = fitted(drive, rows, start, (), tolerance, _WELL, each)
+    pulled = by_force(nominal.x, nominal.std, nominal.columns)
+    return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
+
+
+def _drawn(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each) -> Fit:
+    """The model with front wheels that roll one way or another, as soon as that is told."""
+    drawn = as_drawn(fit.x, fit.std, fit.columns)
+    if drawn is None:
+        return fit
+    return fitted(drive, rows, drawn, fit.effects, tolerance, _WELL, each, felt=fit.felt)
+
+
+def _nameless(
+    trial: Trial, tried: Sequence[Step], gains: Mapping[str, float], each: Each
+) -> tuple[Drive, Fit, Found] | None:
+    """What has no name and gains more than what was tried: the drive with its row, the model with it, and itself."""
+    named = max((step.gain for step in tried), default=0.0)
+    drive, rows, best, tolerance = trial.drive, trial.rows, trial.best, trial.tolerance
+
+    def least(shape: Found) -> float:
+        # A scale is one number for what is told by two: when, and how much.
+        return named * (_SURELY_UNEVEN if is_uneven(shape.shape.removeprefix("k*")) else SURELY)
+
+    def shaped(shape: Found, inside: Each) -> tuple[Drive, Fit, Found] | None:
+        there, fit, one = _shaped(drive, rows, best, shape, tolerance, inside)
+        is_enough = one.gain >= asked_of(there, one.effect.name, gains) or is_beyond_form(drive, best, fit)
+        return (there, fit, one) if is_enough and one.gain > max(least(shape), LEAST_GAIN) else None
+
+    shapes = likeliest_shapes(drive, rows, best, trial.known, tolerance, each, beside=named > LEAST_GAIN)
+    fits = all_hands(shaped, [shape for shape in shapes if shape.gain > least(shape)], each)
+    found = [one for one in fits if one is not None]
+    return max(found, key=lambda one: one[2].gain, default=None)
+
+
+def _shaped(
+    drive: Drive, rows: Rows, best: Fit, shape: Found, tolerance: Mapping[str, float], each: Each
+) -> tuple[Drive, Fit, Found]:
+    """The drive whose vocabulary has the shape, too, the model with it, and what it gains as names are judged.
+
+    By its own channel alone, all of whose rows scatter alike, what shows in a few blocks would gain twice that.
+    """
+    start, name = best.x.copy(), shape.effect.name
+    if name not in {effect.name for effect in drive.vocabulary.effects}:
+        drive = drive._replace(vocabulary=vocabulary((*drive.vocabulary.own(), shape.effect)))
+        start = np.append(start, 0.0)
+    start[list(drive.vocabulary.columns_of(name))] = shape.value
+    fit = fitted(drive, rows, start, (*best.effects, name), tolerance, each=each, felt=best.felt)
+    return drive, fit, shape._replace(gain=min(shape.gain, gained(drive, best, fit) - BY_CHANCE))
+
+
+def slopes_of(found: Search, columns: Sequence[int], each: Each = map) -> Floats:
+    """Sensitivities (k, 13, len(columns)) at the end of the search."""
+    best = found.best
+    base = predicted(found.drive, best.x, best.road)
+    return sensitivities(found.drive, found.rows, best.x, best.road, base, columns, None, each)
+
+
+def tolerance_gain(found: Search, each: Each = map) -> float:
+    """What refitting the configured parameters gains over leaving them as they are, causes included."""
+    start = found.best.x.copy()
+    start[[INDEX[p.name] for p in TOLERATED]] = 0.0
+    held = fitted(found.drive, found.rows, start, found.best.effects, {}, each=each, felt=found.best.felt)
+    return gained(found.drive, held._replace(form=found.rows.form, columns=found.best.columns), found.best)

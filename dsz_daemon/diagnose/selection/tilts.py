@@ -1,0 +1,126 @@
+"""A road that tilts, told from what tilts on it: a body, or a bracket, does so with no road below.
+
+Both turn the IMU, and gravity comes in. But a car follows its road: where that climbs more and more the car is lifted,
+-q v is in a_z; and on a bank it is pushed aside by what its tyres then hold, and turns by it. A body that is pitched by
+its springs, or by air, goes straight on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.shown_by import shown_by
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
+from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Rows
+from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Ints, on_road
+
+# By what a road moves the car itself: a_z, and the yaw rate; and where its gravity is.
+_MOVED, _PITCH_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, {"road_grade": 3, "road_bank": 4}
+# A tilt by itself: so much of its power is no course of what the car does, now or some seconds before; and so often it
+# goes from far on one side, in parts of its rms, to far on the other.
+_BY_ITSELF, _LAGS_S, _FAR, _SWINGS, _FEWEST = 0.35, (4.0, 15.0), 0.7, 3, 30
+_FLAT_ROADS, _FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
+# A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
+_OVER_S, _OF_NOISE = 2.0, 0.5
+# Of what a road does less than half is none of it, by so many spreads; more than that the other way is something else
+# that happens to look alike. What is left may last, but not for ever.
+_HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
+
+
+def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
+    """Whether what this road would do to the car itself is surely not there: less than half of it, either way.
+
+    That share is one number: by least squares on means, with a spread by what each then leaves, and for how long. Of
+    a grade's rate some is the pitch gyro's noise, which lifts no car: without that the share would come out too small
+    (errors in variables).
+    """
+    c = _MOVED[effect]
+    used = rows.used[:, c]
+    if not used.any():
+        return False
+    moved, as_drawn = (shown_by(drive, one, effect)[rows.at[used], c] for one in (_lifted(fit), fit))
+    weight, at = fit.scatter[rows.block[used], c] ** -2.0, (rows.at[used] * DT_S // _OVER_S).astype(np.int64)
+    weights = np.bincount(at, weight)
+    there = weights > 0.0
+    of_road, left = (
+        np.bincount(at, weight * values)[there] / weights[there]
+        for values in (moved, fit.left[used, c] + as_drawn - moved)
+    )
+    weights = weights[there]
+    of_road -= np.average(of_road, weights=weights)
+    power = float(np.sum(weights * of_road**2))
+    lifted_mps2 = _lifted_by_noise_mps2(drive, rows.at[used], at)[there]
+    noise = float(np.sum(weights * lifted_mps2**2)) if effect == "road_grade" else 0.0
+    if noise >= _OF_NOISE * power:
+        return False
+    beyond = float(np.sum(weights * of_road * left)) / power
+    rest = left - np.average(left, weights=weights) - beyond * of_road
+    lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
+    std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
+    return (abs(1.0 + beyond) + _SURELY * std) * power / (power - noise) < _HALF
+
+
+def goes_to_and_fro(drive: Drive, fit: Fit) -> bool:
+    """Whether a climb comes and goes time and again, and not with what the car does: no springs or air do that.
+
+    Some draw a road as a tilt alone, which lifts no car. What levels a body, or tips it, follows the speed, or what
+    changes it, soon or after a while; or does so once.
+    """
+    tilt_rad = on_road(fit.road, fit.x).grade_rad
+    at = np.arange(len(tilt_rad)) * DT_S // _OVER_S
+    count = np.bincount(at.astype(np.int64))
+    tilt, v_mps = (np.bincount(at.astype(np.int64), one) / count for one in (tilt_rad, np.mean(drive.wheels, axis=1)))
+    pull_mps2 = np.gradient(v_mps, _OVER_S)
+    lagged = [_lagged(one, lag_s / _OVER_S) for one in (v_mps, pull_mps2) for lag_s in _LAGS_S]
+    does = np.column_stack([np.ones(len(tilt)), np.arange(len(tilt)), v_mps, v_mps**2, pull_mps2, *lagged])
+    there = v_mps > SLOW_MPS
+    if np.count_nonzero(there) < _FEWEST:
+        return False
+    tilt, does = tilt[there] - np.mean(tilt[there]), does[there]
+    left = tilt - does @ np.linalg.lstsq(does, tilt, rcond=None)[0]
+    rms = float(np.sqrt(np.mean(tilt**2)))
+    far = np.sign(tilt[np.abs(tilt) > _FAR * rms])
+    return bool(np.mean(left**2) > _BY_ITSELF * rms**2 and np.count_nonzero(np.diff(far)) >= _SWINGS)
+
+
+def _lagged(values: Floats, lag_rows: float) -> Floats:
+    """The values (n,) by a first order so many rows behind them."""
+    share = -math.expm1(-1.0 / lag_rows)
+    found, at = np.empty(len(values)), values[0]
+    for i, value in enumerate(values.tolist()):
+        at += share * (value - at)
+        found[i] = at
+    return found
+
+
+def _lifted(fit: Fit) -> Fit:
+    """The same on roads that a car follows."""
+    x = fit.x.copy()
+    x[_FLAT_ROADS] = x[_FLAT_BENDS] = 0.0
+    return fit._replace(x=x)
+
+
+def pulls_nothing(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
+    """Whether the accelerometer along or across is no better with this road than it would be without it.
+
+    What its gyro feels is no road then: gravity would be there.
+    """
+    c = _PULLED[effect]
+    used = rows.used[:, c]
+    if not used.any():
+        return False
+    left = fit.left[used, c]
+    without = left + shown_by(drive, fit, effect)[rows.at[used], c]
+    return bool(np.std(left) >= np.std(without))
+
+
+def _lifted_by_noise_mps2(drive: Drive, rows: Ints, at: Ints) -> Floats:
+    """By what means `at` (k,) these rows (k,) the noise of the pitch gyro seems to lift the car, rms."""
+    low_pass = math.sqrt(float(np.sum(filter_kernel() ** 2)))
+    per_row_radps = float(np.nan_to_num(drive.recording.floor[_PITCH_RATE])) / low_pass
+    v_mps = np.bincount(at, np.mean(drive.wheels, axis=1)[rows]) / np.maximum(np.bincount(at), 1)
+    return np.asarray(v_mps * per_row_radps * math.sqrt(DT_S / _OVER_S))

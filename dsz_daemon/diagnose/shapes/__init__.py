@@ -1,0 +1,1 @@
+"""What has no name: where it enters, and its simplest course."""

@@ -1,0 +1,1 @@
+"""What no formula gives: the road and the air over time, by what the sensors have left over."""

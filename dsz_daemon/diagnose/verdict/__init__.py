@@ -1,0 +1,1 @@
+"""What is said: causes and their numbers, what can't be told apart or tested, and how well it fits then."""

@@ -1,0 +1,103 @@
+"""How much is left of each channel, and what that says: the verdict, and how far the numbers are to be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.row import WHEELS
+from dsz_daemon.diagnose.fitting.fit import GRIP
+from dsz_daemon.diagnose.residuals.comparison import noises
+from dsz_daemon.diagnose.residuals.locate import channel_names
+from dsz_daemon.diagnose.residuals.own_noise import is_its_own
+from dsz_daemon.diagnose.selection.search import Search
+from dsz_daemon.diagnose.selection.trials import TURNS
+from dsz_daemon.diagnose.simulation.prediction import CHANNELS
+from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
+from dsz_daemon.signals import IMU_CHANNELS
+
+# A channel that is off by so many times its noise and the simulation's coarseness is not explained.
+UNEXPLAINED = 3.0
+# So many times more than that a sensor's own noise may be.
+_COLOURED = 2.0
+# What turns a car, told by its right name, left the yaw rate or the lateral acceleration 1.0 times what may be at most,
+# on the cars of six simulators; a load that swings, a trailer, a stability control, rear wheels that steer, where they
+# were told by such a name, 1.85 times at least.
+TURNED = 1.5
+OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay"}
+# The body's alone: how a phone shakes in its holder says nothing of a radius.
+_TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
+
+
+def level_of(found: Search) -> dict[str, float]:
+    """Per channel: what is left (rms) over what noise and the simulation's own coarseness may leave."""
+    n = found.best.sums.counts.sum(axis=0)
+    rms = np.sqrt((found.best.sums.left * found.best.scatter**2).sum(axis=0) / np.maximum(n, 1.0))
+    expected = np.hypot(noises(found.drive), found.best.form)
+    names = channel_names(found.drive)
+    return {name: float(rms[c] / expected[c]) for c, name in enumerate(names) if n[c] > 0 and expected[c] > 0.0}
+
+
+def unexplained_of(found: Search, level: Mapping[str, float]) -> list[str]:
+    """Channels that are off by more than noise and coarseness leave, and not by a sensor's own colour of noise."""
+    names = channel_names(found.drive)
+    return [
+        name
+        for name, value in level.items()
+        if value > UNEXPLAINED
+        and (
+            name not in IMU_CHANNELS
+            or value > _COLOURED * UNEXPLAINED
+            or not is_its_own(found.drive, found.rows, found.best.left[:, names.index(name)], names.index(name))
+        )
+    ]
+
+
+def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[str], list[str]]:
+    """Names of what turns a car that leave it turning otherwise, and the channels that show it; none where one doesn't.
+
+    Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
+    the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
+    simulation has either right.
+    """
+    names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
+    off = [level[channel] for channel in OF_A_TURN if channel in level]
+    if not names or not off or min(off) < TURNED:
+        return set(), []
+    if max((found.gains[limit] for limit in limits), default=0.0) > max(found.gains[name] for name in names):
+        return set(), []
+    return names, [channel for channel in OF_A_TURN if channel in level]
+
+
+def verdict(explained: bool, left: bool) -> str:
+    """The contract's word for it."""
+    if left:
+        return "partly_explained" if explained else "unexplained"
+    return "explained" if explained else "consistent"
+
+
+def doubt(found: Search, unexplained: Collection[str]) -> float:
+    """What is left of the channel that is explained the least, over what may be, in its usual block: 1 or more.
+
+    The usual one, since blocks in which the simulation is wrong by more say less already.
+    """
+    names, expected = channel_names(found.drive), np.hypot(noises(found.drive), found.best.form)
+    channels = [names.index(name) for name in unexplained]
+    seen = found.best.sums.counts > 0
+    usual = [float(np.median(found.best.scatter[seen[:, c], c]) / expected[c]) for c in channels]
+    return max([1.0, *usual])
+
+
+def doubt_of(found: Search, effect: str, unexplained: Collection[str]) -> float:
+    """What is left over what may be, of the channels that an effect is judged by.
+
+    A grade that no gyro feels is judged by one. And of the wheels that drive no simulation nothing comes into the
+    others: what they do is a matter of wheels. No wheel turns by how a body rolls, pitches or heaves.
+    """
+    if effect == "road_grade" and climbs_unfelt(found.drive):
+        return doubt(found, {"accel_x"} & set(unexplained))
+    if found.drive.vocabulary.described(effect).touches == WHEELS:
+        return doubt(found, set(unexplained) - _TURN_NO_WHEEL)
+    names = zip(channel_names(found.drive), CHANNELS, strict=True)
+    return doubt(found, set(unexplained) - {name for name, channel in names if channel.startswith("wheel_other")})

@@ -1,0 +1,87 @@
+"""Names of the model that are not said, for something without a name, which is said, explains what they do."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.nameless import NAMELESS
+from dsz_daemon.diagnose.effects.shape_names import SHAPE, TYRES, is_of_the_car, is_shape, steers_by_speed
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import GRIP, SAME_TURN, Fit
+from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
+from dsz_daemon.diagnose.selection.trials import TURNS
+from dsz_daemon.diagnose.shapes.eccentric import parts_of
+from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
+from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
+
+_NAMELESS = frozenset(effect.name for effect in NAMELESS)
+# In the course of what a yaw gyro shows: the car's steering, sideslip and tyres, and not the gyro's own rate alone.
+# Drive and brakes turn a car besides.
+_OF_A_TURN = ("delta", "ay", "vy", "r'")
+
+# Bodies that lean or dive, the scale of the accelerometer that is pulled, and the gyro that would feel it.
+_ONE_WITHOUT_A_GYRO = (
+    ("suspension_roll.roll_gradient_rad_per_mps2", "accel_scale.y", 0),
+    ("suspension_pitch.pitch_gradient_rad_per_mps2", "accel_scale.x", 1),
+)
+_APART_SPREADS = 4.0
+_RESISTANCE = INDEX["wheel_slip.resistance"]
+_SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for axle in "fr")
+
+
+def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
+    """The effects of a fit that are given no name.
+
+    What a car does without a name is said where it is `sure`: what is not said is no ground (decision 0054). A sensor's
+    own shape is said always.
+    """
+    said = [e for e in fit.effects if is_shape(e) and (e in sure or not is_of_the_car(e))]
+    shapes = [(place, course) for place, _, course in (effect.partition(SHAPE) for effect in said)]
+    yaws, slides = ({course for place, course in shapes if place == channel} for channel in ("gyro_z", "accel_y"))
+    names = {*_NAMELESS, *parts_of(drive, fit, said)}
+    # What the steering does by the speed is no number that is the same at all of them.
+    if any(map(steers_by_speed, said)):
+        names |= {"steering_ratio"}
+    # Nor has what a sensor shows to one side, or as it warms up, a scale beside it.
+    names |= {f"{place.partition('_')[0]}_scale" for place, course in shapes if is_uneven(course)}
+    # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
+    if "locked_axle" in sure and is_told(drive, fit, "locked_axle"):
+        names |= {*TURNS}
+    # Tyres that change have no stiffness that is theirs, nor are there two ways to turn beside one without a name.
+    of_car = {effect.partition(SHAPE)[0] for effect in said if is_of_the_car(effect)}
+    names |= SAME_TURN if TYRES in of_car else set()
+    if of_car and len(set(TURNS) & set(fit.effects) & set(sure) - names) > 1:
+        names |= {*TURNS}
+    # Without its gyro a lean and a scale are one: two that undo each other are none.
+    for tilt, scale, gyro in _ONE_WITHOUT_A_GYRO:
+        effects = {tilt.partition(".")[0], "accel_scale"}
+        if effects <= set(fit.effects) and np.isnan(drive.measured[:, gyro]).all():
+            pair = [INDEX[tilt], INDEX[scale]]
+            spreads = [abs(fit.x[i]) / fit.std[fit.columns.index(i)] for i in pair if i in fit.columns]
+            names |= effects if max(spreads, default=0.0) < _APART_SPREADS else set()
+    # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
+    if _rolls_otherwise(drive, fit):
+        names |= {"wheel_radius"}
+    # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
+    if yaws & slides:
+        names |= {*TURNS, *GRIP}
+    # And where it still turns by its steering and its tyres as none of these has it, none of these it is.
+    if any(part in course and "ax" not in course for course in yaws for part in _OF_A_TURN):
+        names |= {*TURNS, *GRIP, "steering_backlash"}
+    # A bank that no roll gyro feels is what these two show: it is none where either shows something else.
+    if is_unfelt(drive) and (yaws or slides):
+        names |= {"road_bank"}
+    return names
+
+
+def _rolls_otherwise(drive: Drive, fit: Fit) -> bool:
+    """Whether beside a slip whose resistance stands at an end radii differ from axle to axle alone."""
+    if "wheel_slip" not in fit.effects or "wheel_radius" not in fit.effects:
+        return False
+    resistance = drive.vocabulary.columns[_RESISTANCE][1]
+    if resistance.low < fit.x[_RESISTANCE] < resistance.high:
+        return False
+    return not any(are_apart(drive, fit, *pair) for pair in _SIDES)

@@ -1,0 +1,53 @@
+"""What a drive can't test: effects that would hardly show on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsz_daemon.diagnose.effects.nameless import NAMELESS
+from dsz_daemon.diagnose.effects.shape_names import is_shape
+from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL
+from dsz_daemon.diagnose.residuals.comparison import Each
+from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.selection import search as searching
+from dsz_daemon.diagnose.selection.screening import NEVER_SCREENED
+from dsz_daemon.diagnose.selection.search import Search
+from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
+from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
+from dsz_daemon.signals import IMU_CHANNELS
+
+_NAMELESS = frozenset(effect.name for effect in NAMELESS)
+
+
+def untested(found: Search, each: Each) -> list[dict[str, str]]:
+    """Effects of which a plain size would have shown by less than what is asked of a cause."""
+    words = found.drive.vocabulary
+    known = {*found.best.effects, *NEVER_SCREENED, *_NAMELESS}
+    rows = [e for e in words.effects if e.name not in known and not is_shape(e.name)]
+    columns = [i for effect in rows for i in words.columns_of(effect.name)]
+    slopes = searching.slopes_of(found, columns, each)
+    heard = 1.0 / ((found.best.scatter**2 + found.rows.form**2) * found.best.per_row)
+    power: list[float] = np.einsum("kcp,kc->p", slopes**2, heard[found.rows.block]).tolist()
+    weak = []
+    for effect in rows:
+        own = [columns.index(i) for i in words.columns_of(effect.name)]
+        shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
+        if max(shown) < LEAST_GAIN:
+            name = words.columns[columns[own[int(np.argmax(shown))]]][1]
+            why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
+            weak.append({"effect": effect.name, "why": why})
+    return [*weak, *_untold_roads(found.drive)]
+
+
+def _untold_roads(drive: Drive) -> list[dict[str, str]]:
+    """Roads that nothing there would show."""
+    has = [bool(np.isfinite(drive.measured[:, c]).any()) for c in range(len(IMU_CHANNELS))]
+    found = []
+    if not has[OWN_CHANNEL["road_grade"]] and not climbs_unfelt(drive):
+        why = "there is neither a pitch gyro to feel it nor a longitudinal accelerometer"
+        found.append({"effect": "road_grade", "why": why})
+    if not has[OWN_CHANNEL["road_bank"]] and not is_unfelt(drive):
+        why = "there is no roll gyro to feel it, nor a yaw gyro beside a lateral accelerometer"
+        found.append({"effect": "road_bank", "why": why})
+    return found
