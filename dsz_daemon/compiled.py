@@ -28,10 +28,7 @@ _PACKAGE = Path(__file__).parent
 _SOURCES = {
     "core": ("core/*.py",),
     "sim": ("sim/*.py",),
-    "diagnose": (
-        *(f"diagnose/simulation/{room}.py" for room in ("motion", "instruments", "rolling", "prediction")),
-        *("diagnose/simulation/angles.py", "diagnose/simulation/tyre_curve.py", "diagnose/residuals/evidence.py"),
-    ),
+    "diagnose": ("diagnose/simulation/*.py", "diagnose/residuals/evidence.py"),
 }
 _OF_ALL = ("signals.py", "compiled.py")
 # A product and a sum may be rounded once in place of twice, where nothing has to be the same to the last digit.

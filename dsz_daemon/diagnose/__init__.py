@@ -28,7 +28,9 @@ from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, r
 from dsz_daemon.diagnose.residuals.drives import against, drive_of
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.shapes.unlisted import Shape
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.another_car import with_own_numbers
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.goodness import goodness

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting import fit
+from dsz_daemon.diagnose.fitting import judgement
 from dsz_daemon.diagnose.residuals.evidence import Box, Sums, solved
-from dsz_daemon.diagnose.selection import search
+from dsz_daemon.diagnose.selection import screening
 from dsz_daemon.diagnose.selection.search import Search
-from dsz_daemon.diagnose.shapes import shape_beside
-from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.shapes import beside
+from dsz_daemon.diagnose.verdict import causes
 from dsz_daemon.errors import DszError
 from dsz_daemon.prove import score
 from dsz_daemon.prove.mix import Trial, trials
@@ -48,9 +48,9 @@ def seen(found: Sums, columns: Sequence[int], box: Box, *_: object) -> Floats:
 
 def without_unseen_data() -> None:
     """Steps are judged on what they were fitted to."""
-    for module in (fit, search, shape_beside):
+    for module in (beside, judgement, screening):
         module.held_out = seen  # type: ignore[attr-defined]
-    fit.held_out_kinds = seen  # type: ignore[assignment]
+    judgement.held_out_kinds = seen  # type: ignore[assignment]
 
 
 def without_refit() -> None:
@@ -65,7 +65,7 @@ def without_groups() -> None:
     def alone(_found: Search, effect: str, *_: object) -> tuple[list[str], list[dict[str, float | str]]]:
         return [effect], []
 
-    answer.alternatives = alone  # type: ignore[assignment]
+    causes.alternatives = alone  # type: ignore[assignment]
 
 
 VARIANTS: dict[str, Callable[[], None]] = {

@@ -18,14 +18,15 @@ from pathlib import Path
 import detections
 import other_cars
 
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL
 from dsz_daemon.diagnose.recordings.recording import recorded
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.trials import Trial
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.runs.diagnose import signals_of
 from dsz_daemon.runs.setup import set_up

@@ -12,7 +12,9 @@ from dsz_daemon.diagnose.faults.wiring import KINDS, AxisFault, Wiring, mended, 
 from dsz_daemon.diagnose.recordings.recording import recorded
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.edge.log_report import LogReport
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.runs.diagnose import signals_of

@@ -15,7 +15,7 @@ import pytest
 from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.fitting.fit import _covariance
+from dsz_daemon.diagnose.fitting.judgement import _covariance
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Rows
 from dsz_daemon.diagnose.residuals.evidence import (
     Box,

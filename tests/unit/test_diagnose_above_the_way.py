@@ -7,12 +7,15 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import fit as fit_module
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.search import searched
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 DT_S, ABOVE_M = 0.01, 0.5
 X, Y, Z = (INDEX[f"imu_lever_arm.{axis}_m"] for axis in "xyz")
@@ -37,7 +40,7 @@ def test_a_cg_above_a_road_that_turns_is_no_lever_arm(monkeypatch: pytest.Monkey
     rows = rows_of(one)
     assert searched(one, rows, TOLERANCE).best.effects == ("road_bank",)
     # As if all heights of a C.G. were none, the IMU stands on a mast.
-    monkeypatch.setattr(fit_module, "_ABOVE_THE_WAY_M", 0.0)
+    monkeypatch.setattr(judgement, "_ABOVE_THE_WAY_M", 0.0)
     found = searched(one, rows, TOLERANCE).best
     assert set(found.effects) == set(BOTH)
     assert found.x[Z] == pytest.approx(ABOVE_M, rel=0.2)
@@ -51,7 +54,7 @@ def test_nor_is_one_above_a_climb_that_turns(monkeypatch: pytest.MonkeyPatch) ->
     one.measured[:, 3] -= ABOVE_M * np.gradient(np.gradient(BANK_RAD, DT_S), DT_S)
     rows = rows_of(one)
     assert searched(one, rows, TOLERANCE).best.effects == ("road_grade",)
-    monkeypatch.setattr(fit_module, "_ABOVE_THE_WAY_M", 0.0)
+    monkeypatch.setattr(judgement, "_ABOVE_THE_WAY_M", 0.0)
     found = searched(one, rows, TOLERANCE).best
     assert set(found.effects) == {"road_grade", "imu_lever_arm"}
     assert found.x[Z] == pytest.approx(ABOVE_M, rel=0.2)

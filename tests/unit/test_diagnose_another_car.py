@@ -9,7 +9,8 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 from dsz_daemon.diagnose.effects.row import SENSORS
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.verdict import another_car

@@ -12,8 +12,9 @@ import pytest
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fitting.gains import told_from
 from dsz_daemon.diagnose.selection.trials import Step
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing
-from dsz_daemon.diagnose.verdict import aliases, answer, level, told_roads
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.verdict import aliases, causes, configured, level, numbers, told_roads
 from dsz_daemon.diagnose.verdict.said import Value
 
 # A model without effects.
@@ -90,18 +91,18 @@ def test_what_turns_the_car_alike_names_each_other(effect: str) -> None:
 
 
 def test_friction_is_told_of_its_inverse_square() -> None:
-    told, units = answer._as_told("tyre_saturation", {"inverse_square": (4.0, 0.4)}, {})
+    told, units = numbers.as_told("tyre_saturation", {"inverse_square": (4.0, 0.4)}, {})
     assert told == {"friction_coefficient": (pytest.approx(0.5), pytest.approx(0.025))}
     assert units["friction_coefficient"] == "1"
 
 
 def test_a_bandwidth_is_told_in_hertz_too() -> None:
-    told, _ = answer._as_told("sensor_bandwidth", {"time_constant_s": (1.0 / (2.0 * math.pi * 5.0), 0.001)}, {})
+    told, _ = numbers.as_told("sensor_bandwidth", {"time_constant_s": (1.0 / (2.0 * math.pi * 5.0), 0.001)}, {})
     assert told["cutoff_hz"][0] == pytest.approx(5.0)
 
 
 def test_ratios_are_told_as_true_over_configured() -> None:
-    told, _ = answer._as_told("steering_ratio", {"scale": (0.05, 0.01), "per_rad": (0.02, 0.01)}, {})
+    told, _ = numbers.as_told("steering_ratio", {"scale": (0.05, 0.01), "per_rad": (0.02, 0.01)}, {})
     assert told == {"scale": (pytest.approx(1.05), 0.01), "per_rad": (0.02, 0.01)}
 
 
@@ -111,14 +112,14 @@ def test_stiffnesses_are_told_where_they_are_off_by_more_than_their_spread(monke
         "rear_cornering_stiffness_n_per_rad": (0.06, 0.03),
         "mass_kg": (0.02, 0.003),
     }
-    monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_: 100.0)
-    monkeypatch.setattr(answer, "values_of", lambda *_: shares)
+    monkeypatch.setattr(configured.searching, "tolerance_gain", lambda *_: 100.0)
+    monkeypatch.setattr(configured, "values_of", lambda *_: shares)
     car = SimpleNamespace(
         front_cornering_stiffness_n_per_rad=50_000.0, rear_cornering_stiffness_n_per_rad=60_000.0, mass_kg=1500.0
     )
     drive = SimpleNamespace(car=car, steering_ratio=16.0)
     search: Any = SimpleNamespace(drive=drive, best=SimpleNamespace(effects=()), gains={})
-    error, mass = answer.parameter_errors(search, map)
+    error, mass = configured.parameter_errors(search, map)
     assert mass[:3] == ("mass_kg", 1500.0, pytest.approx(1530.0))
     assert error.parameter == "front_cornering_stiffness_n_per_rad"
     assert (error.configured, error.fitted, error.std) == pytest.approx((50_000.0, 46_000.0, 500.0))
@@ -150,7 +151,7 @@ def test_moments_are_told_on_the_clock_with_pauses_in_it() -> None:
     """Two recordings of 10 s with an hour between: 15 s of what was recorded are 5 s into the second."""
     time_s = np.concatenate([0.01 * np.arange(1000), 3600.0 + 0.01 * np.arange(1000)])
     search: Any = SimpleNamespace(drive=SimpleNamespace(recording=SimpleNamespace(time_s=time_s)))
-    told = answer._on_the_clock(search, {"start_s": (4.0, 0.1), "end_s": (15.0, 0.2), "delay_s": (15.0, None)})
+    told = numbers.on_the_clock(search, {"start_s": (4.0, 0.1), "end_s": (15.0, 0.2), "delay_s": (15.0, None)})
     assert told == {"start_s": (4.0, 0.1), "end_s": (pytest.approx(3605.0), 0.2), "delay_s": (15.0, None)}
 
 
@@ -165,27 +166,27 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     by_the_turn: int | None = None
     monkeypatch.setattr(told_roads, "evenly_by", lambda *_: by_the_turn)
     offsets = {"offset_accel_x": (0.1, 0.01), "offset_accel_y": (0.2, 0.01), "mass_kg": (0.0, 0.0)}
-    monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
-    told = answer._offsets(search)
+    monkeypatch.setattr(numbers, "values_of", lambda *_: offsets)
+    told = numbers.offsets_of(search)
     assert told["offset_accel_x"] == (pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4), 0.01)
     assert told["offset_accel_y"] == (pytest.approx(0.2 - 9.80665 * 0.02, abs=1e-4), 0.01)
     grade = ["road_grade"]
     np.testing.assert_allclose(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, waves, atol=1e-5)
-    assert answer._offsets(search, grade) == told
+    assert numbers.offsets_of(search, grade) == told
     # But for what is told of it, if it is said that there is one.
     untold = {"road_bank"}
     np.testing.assert_array_equal(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, road.grade_rad)
     np.testing.assert_allclose(told_roads.told_road(search.drive, best, [])[0].grade_rad, waves, atol=1e-5)
-    assert answer._offsets(search, grade)["offset_accel_x"] == (0.1, 0.01)
-    assert answer._offsets(search, grade)["offset_accel_y"] == told["offset_accel_y"]
-    assert answer._offsets(search) == told
+    assert numbers.offsets_of(search, grade)["offset_accel_x"] == (0.1, 0.01)
+    assert numbers.offsets_of(search, grade)["offset_accel_y"] == told["offset_accel_y"]
+    assert numbers.offsets_of(search) == told
     # What the roll gyro alone shows of it is in no accelerometer's offset yet.
     by_the_turn = INDEX["gyro_cross_axis.xz"]
     best.x[by_the_turn] = 0.02
     climbs = told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad
     np.testing.assert_allclose(climbs, road.grade_rad + 0.02)
-    assert answer._offsets(search, grade)["offset_accel_x"] == (pytest.approx(0.1 - 9.80665 * 0.02), 0.01)
-    assert answer._offsets(search) == told
+    assert numbers.offsets_of(search, grade)["offset_accel_x"] == (pytest.approx(0.1 - 9.80665 * 0.02), 0.01)
+    assert numbers.offsets_of(search) == told
     # Unless it is said to leak.
     best.effects = ("road_grade", "gyro_cross_axis")
     np.testing.assert_allclose(told_roads.told_road(search.drive, best, ["road_grade"])[0].grade_rad, road.grade_rad)
@@ -194,11 +195,11 @@ def test_a_road_that_climbs_evenly_is_told_as_an_offset(monkeypatch: pytest.Monk
     # So is a turned mount that is in the model and gains too little to be a cause: reading_x = fx - pitch g.
     best.effects = ("road_grade", "imu_misalignment")
     best.x[[INDEX["imu_misalignment.roll_rad"], INDEX["imu_misalignment.pitch_rad"]]] = 0.03, 0.04
-    told = answer._offsets(search)
+    told = numbers.offsets_of(search)
     assert told["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * (0.05 - 0.04), abs=1e-4)
     assert told["offset_accel_y"][0] == pytest.approx(0.2 + 9.80665 * (-0.02 + 0.03), abs=1e-4)
     named = ["imu_misalignment"]
-    assert answer._offsets(search, named)["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4)
+    assert numbers.offsets_of(search, named)["offset_accel_x"][0] == pytest.approx(0.1 + 9.80665 * 0.05, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -209,18 +210,18 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     monkeypatch: pytest.MonkeyPatch, gain: float, std: float, is_named: bool
 ) -> None:
     values = {axis: (0.03 if axis == "z" else 0.0, std) for axis in "xyz"}
-    monkeypatch.setattr(answer, "_values", lambda *_: values)
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "values_told", lambda *_: values)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
         best=NOTHING,
         gains={"gyro_scale": gain},
         elsewhere={"gyro_scale": {}},
     )
-    cause = answer._cause(search, "gyro_scale")
+    cause = causes.cause_of(search, "gyro_scale")
     assert (cause is not None) is is_named
     if cause is not None:
         # Of four causes that gain 30, three are true; of many that gain 300, all but one in 31.
@@ -241,12 +242,12 @@ def test_what_a_shape_of_the_car_may_be_has_a_name_only_where_it_is_told(
     monkeypatch: pytest.MonkeyPatch, effect: str, beside: str, std: float, is_named: bool
 ) -> None:
     name = "scale" if effect == "steering_ratio" else "z"
-    monkeypatch.setattr(answer, "_values", lambda *_: {name: (-0.05, std)})
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: {name: (-0.05, std)})
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     monkeypatch.setattr(
-        answer, "_as_told", lambda _, values, units: ({**dict.fromkeys(units, (0.0, None)), **values}, units)
+        causes, "as_told", lambda _, values, units: ({**dict.fromkeys(units, (0.0, None)), **values}, units)
     )
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
@@ -254,7 +255,7 @@ def test_what_a_shape_of_the_car_may_be_has_a_name_only_where_it_is_told(
         gains={effect: 500.0, beside: 200.0},
         elsewhere={effect: {}},
     )
-    assert (answer._cause(search, effect) is not None) is is_named
+    assert (causes.cause_of(search, effect) is not None) is is_named
 
 
 @pytest.mark.parametrize(("radii", "is_named"), [((5e-4, -5e-4), True), ((3e-4, -3e-4), False), ((5e-4, 5e-4), False)])
@@ -262,24 +263,24 @@ def test_wheels_that_differ_by_what_is_worth_a_name_have_one(
     monkeypatch: pytest.MonkeyPatch, radii: tuple[float, float], is_named: bool
 ) -> None:
     """None is 0.08 % off by itself: what all of them share may be the scale of something else."""
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     search = radii_of([*radii, radii[1], radii[1]], 1e-10 * np.eye(4))
     search.rows, search.best.std, search.best.effects = None, np.full(4, 1e-5), ("wheel_radius",)
     search.gains, search.elsewhere = {"wheel_radius": 600.0}, {"wheel_radius": {}}
-    assert (answer._cause(search, "wheel_radius") is not None) is is_named
+    assert (causes.cause_of(search, "wheel_radius") is not None) is is_named
 
 
 @pytest.mark.parametrize(("flat_roads", "is_said"), [(0.0, False), (0.5, False), (0.95, True)])
 def test_of_a_climb_that_lifts_no_car_it_is_said(
     monkeypatch: pytest.MonkeyPatch, flat_roads: float, is_said: bool
 ) -> None:
-    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_rad": (0.02, 0.001)})
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "told_from", lambda *_: 20.0)
-    monkeypatch.setattr(answer, "unfelt_roads", lambda _: set())
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_rad": (0.02, 0.001)})
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "told_from", lambda *_: 20.0)
+    monkeypatch.setattr(causes, "unfelt_roads", lambda _: set())
     x = nothing()
     x[INDEX["flat_roads"]] = flat_roads
     search: Any = SimpleNamespace(
@@ -288,7 +289,7 @@ def test_of_a_climb_that_lifts_no_car_it_is_said(
         gains={"road_grade": 500.0},
         elsewhere={"road_grade": {}},
     )
-    cause = answer._cause(search, "road_grade")
+    cause = causes.cause_of(search, "road_grade")
     assert cause is not None
     assert ("accel_z shows nothing" in cause.statement) is is_said
 
@@ -301,10 +302,10 @@ def test_of_a_climb_that_lifts_no_car_it_is_said(
 def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
     monkeypatch: pytest.MonkeyPatch, rms_n: float, rounding_rad: float, is_named: bool
 ) -> None:
-    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_n": (rms_n, None)})
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_n": (rms_n, None)})
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     # Half of the way the car stands, where rounding pushes nothing.
     drive = SimpleNamespace(
         vocabulary=BUILT_IN,
@@ -313,7 +314,7 @@ def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
         recording=SimpleNamespace(rounding_rad=np.array([rounding_rad * np.repeat([1.0, 9.0], 50)])),
     )
     search: Any = SimpleNamespace(drive=drive, best=NOTHING, gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}})
-    cause = answer._cause(search, "side_wind")
+    cause = causes.cause_of(search, "side_wind")
     assert (cause is not None) is is_named
 
 
@@ -329,18 +330,18 @@ def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() 
     """Each is sure to 0.001, all together to 0.05: the mean of four shares of 0.05 and of independent ones."""
     covariance = 0.05**2 * np.ones((4, 4)) + 0.001**2 * np.eye(4)
     search = radii_of([-0.06, -0.06, -0.056, -0.056], covariance)
-    assert answer._shares_a_factor(search)
-    told = answer._apart(search, dict.fromkeys(("fl", "fr", "rl", "rr"), (0.0, None)))
+    assert numbers.shares_a_factor(search)
+    told = numbers._apart(search, dict.fromkeys(("fl", "fr", "rl", "rr"), (0.0, None)))
     assert [value for value, _ in told.values()] == pytest.approx([-0.002, -0.002, 0.002, 0.002])
     assert [std for _, std in told.values()] == pytest.approx([math.hypot(0.001 * 0.75**0.5, 0.02 * 0.002)] * 4)
     values = dict.fromkeys(("fl", "fr", "rl", "rr"), (-0.06, 0.05))
     search.rows = search.best.road = None
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(answer, "values_of", lambda *_: values)
-        assert answer._values(search, "wheel_radius")["rl"][0] == pytest.approx(0.002)
+        patched.setattr(numbers, "values_of", lambda *_: values)
+        assert numbers.values_told(search, "wheel_radius")["rl"][0] == pytest.approx(0.002)
     # Sure to 0.001: that the factor is nearly 1 is told then.
-    assert not answer._shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
-    assert not answer._shares_a_factor(radii_of([-0.06] * 4, 0.02**2 * np.ones((4, 4))))
+    assert not numbers.shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
+    assert not numbers.shares_a_factor(radii_of([-0.06] * 4, 0.02**2 * np.ones((4, 4))))
 
 
 def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -348,15 +349,15 @@ def test_what_gains_nothing_is_not_told_beside_wrong_tracks(monkeypatch: pytest.
         {"front_cornering_stiffness_n_per_rad": (-0.08, 0.01)},
         {"front": (0.06, 0.01), "rear": (0.0, 0.01)},
     )
-    monkeypatch.setattr(answer, "values_of", lambda _, __, effect: dict(tracks) if effect else dict(stiffness))
+    monkeypatch.setattr(configured, "values_of", lambda _, __, effect: dict(tracks) if effect else dict(stiffness))
     car = SimpleNamespace(front_cornering_stiffness_n_per_rad=50_000.0, front_track_m=1.5, rear_track_m=1.5)
     drive = SimpleNamespace(car=car, steering_ratio=16.0)
     search: Any = SimpleNamespace(
         drive=drive, best=SimpleNamespace(effects=("track_width",)), gains={"track_width": 100.0}
     )
     for gain, expected in ((0.0, ["front_track_m"]), (50.0, ["front_cornering_stiffness_n_per_rad", "front_track_m"])):
-        monkeypatch.setattr(answer.searching, "tolerance_gain", lambda *_, gain=gain: gain)
-        assert [error.parameter for error in answer.parameter_errors(search, map)] == expected
+        monkeypatch.setattr(configured.searching, "tolerance_gain", lambda *_, gain=gain: gain)
+        assert [error.parameter for error in configured.parameter_errors(search, map)] == expected
 
 
 def test_the_doubt_is_the_usual_level_of_the_channel_that_is_explained_the_least(
@@ -413,21 +414,21 @@ def test_how_a_body_shakes_is_no_doubt_of_wheels(monkeypatch: pytest.MonkeyPatch
 def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(answer, "_values", lambda *_: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
     doubts: list[float] = []
 
     def alternatives(_: Any, __: str, doubt: float = 1.0) -> tuple[list[str], list[Any]]:
         doubts.append(doubt)
         return ["gyro_scale"], []
 
-    monkeypatch.setattr(answer, "alternatives", alternatives)
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", alternatives)
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
 
     def told(gain: float, left: float, effect: str = "gyro_scale") -> Any:
         drive = SimpleNamespace(vocabulary=BUILT_IN, measured=np.zeros((2, 13)))
         search: Any = SimpleNamespace(drive=drive, best=NOTHING, gains={effect: gain}, elsewhere={effect: {}})
-        return answer._cause(search, effect, left)
+        return causes.cause_of(search, effect, left)
 
     assert told(19.0, 1.0) is None
     assert told(21.0, 1.0).parameters["x"] == Value(0.1, 0.03, "1")
@@ -438,7 +439,7 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     # The alternatives are weighed by it.
     assert doubts == [2.0]
     # What has no formula fits nearly anything.
-    monkeypatch.setattr(answer, "_values", lambda *_: {"rms_rad": (0.02, None)})
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_rad": (0.02, None)})
     assert told(79.0, 2.0, "road_bank") is None
     assert told(81.0, 2.0, "road_bank") is not None
 
@@ -459,16 +460,16 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
     monkeypatch: pytest.MonkeyPatch, std: float, is_named: bool
 ) -> None:
     """1.2 +- 0.3 is four spreads off none; over all curves it is +- 1.0."""
-    monkeypatch.setattr(answer, "_values", lambda *_: {"inverse_square": (1.1, 1.0)})
-    monkeypatch.setattr(answer, "values_of", lambda *_: {"inverse_square": (1.2, std), "sharpness": (0.0, 9.0)})
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, values: values)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"inverse_square": (1.1, 1.0)})
+    monkeypatch.setattr(causes, "values_of", lambda *_: {"inverse_square": (1.2, std), "sharpness": (0.0, 9.0)})
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN), best=NOTHING, gains={"tyre_saturation": 66.0}, elsewhere={}
     )
     search.elsewhere["tyre_saturation"] = {}
-    cause = answer._cause(search, "tyre_saturation")
+    cause = causes.cause_of(search, "tyre_saturation")
     assert (cause is not None) is is_named
     if cause is not None:
         # And it is told with the spread over all curves.
@@ -499,12 +500,12 @@ def test_a_mount_that_an_offset_takes_back_is_none(
     # Of the other axis, which is not turned, an offset is an offset.
     offsets = {"offset_accel_x": (0.5, 0.1), "offset_accel_y": (0.5, 0.1)}
     offsets[f"offset_{channel}"] = (sign * offset_mps2, 0.1)
-    monkeypatch.setattr(answer, "_values", lambda *_: values)
-    monkeypatch.setattr(answer, "values_of", lambda *_: offsets)
-    monkeypatch.setattr(answer, "told_road", lambda *_: (None, (0.0, 0.0)))
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: values)
+    monkeypatch.setattr(numbers, "values_of", lambda *_: offsets)
+    monkeypatch.setattr(numbers, "told_road", lambda *_: (None, (0.0, 0.0)))
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
         best=SimpleNamespace(x=x, effects=("imu_misalignment",)),
@@ -512,7 +513,7 @@ def test_a_mount_that_an_offset_takes_back_is_none(
         gains={"imu_misalignment": gain},
         elsewhere={"imu_misalignment": {}},
     )
-    assert (answer._cause(search, "imu_misalignment") is not None) is is_named
+    assert (causes.cause_of(search, "imu_misalignment") is not None) is is_named
 
 
 @pytest.mark.parametrize(
@@ -549,17 +550,17 @@ def test_an_instrument_that_alone_is_wrong_is_told_from_half(
 def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
     monkeypatch: pytest.MonkeyPatch, gain: float, delay_s: float, effects: tuple[str, ...], is_named: bool
 ) -> None:
-    monkeypatch.setattr(answer, "_values", lambda *_: {"delay_s": (delay_s, 0.001)})
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: {"delay_s": (delay_s, 0.001)})
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN),
         best=SimpleNamespace(effects=effects),
         gains={"wheel_speed_delay": gain},
         elsewhere={"wheel_speed_delay": {}},
     )
-    assert (answer._cause(search, "wheel_speed_delay") is not None) is is_named
+    assert (causes.cause_of(search, "wheel_speed_delay") is not None) is is_named
 
 
 @pytest.mark.parametrize(
@@ -576,15 +577,15 @@ def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
 def test_wheels_that_alone_slip_do_so_from_half_of_the_size(
     monkeypatch: pytest.MonkeyPatch, effect: str, parameter: str, value: float, is_named: bool
 ) -> None:
-    monkeypatch.setattr(answer, "_values", lambda *_: {parameter: (value, 1e-4)})
-    for nothing_else in ("wheels_differ", "_shares_a_factor"):
-        monkeypatch.setattr(answer, nothing_else, lambda *_: False)
-    monkeypatch.setattr(answer, "_on_the_clock", lambda _, there: there)
-    monkeypatch.setattr(answer, "alternatives", lambda *_: ([], []))
-    monkeypatch.setattr(answer, "_to_drive_next", lambda *_: None)
+    monkeypatch.setattr(causes, "values_told", lambda *_: {parameter: (value, 1e-4)})
+    for nothing_else in ("wheels_differ", "shares_a_factor"):
+        monkeypatch.setattr(causes, nothing_else, lambda *_: False)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     described = BUILT_IN.described(effect)
     words = described._replace(words="")
-    monkeypatch.setattr(answer, "told_from", lambda *_: 20.0)
+    monkeypatch.setattr(causes, "told_from", lambda *_: 20.0)
     vocabulary = SimpleNamespace(described=lambda _: words)
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=vocabulary),
@@ -592,4 +593,4 @@ def test_wheels_that_alone_slip_do_so_from_half_of_the_size(
         gains={effect: 150.0},
         elsewhere={effect: {}},
     )
-    assert (answer._cause(search, effect) is not None) is is_named
+    assert (causes.cause_of(search, effect) is not None) is is_named

@@ -13,16 +13,17 @@ from scipy.optimize import lsq_linear
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
-from dsz_daemon.diagnose.fitting import fit as fit_module
+from dsz_daemon.diagnose.fitting import judgement
 from dsz_daemon.diagnose.fitting.descent import loss_of
-from dsz_daemon.diagnose.fitting.fit import _covariance, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.judgement import _covariance
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Rows, _per_step, residual, rows_of
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows, quick_length
 from dsz_daemon.diagnose.residuals.evidence import Box, scatter_of, solved, sums
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.shapes import beside, shape_beside
-from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.verdict import untested
 from dsz_daemon.diagnose.verdict.goodness import goodness
 
@@ -105,7 +106,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
         heard.append(left)
         return correlated_rows(left, used)
 
-    monkeypatch.setattr(fit_module, "correlated_rows", hearing)
+    monkeypatch.setattr(judgement, "correlated_rows", hearing)
     monkeypatch.setattr(beside, "correlated_rows", hearing)
     return heard
 

@@ -14,8 +14,8 @@ from dsz_daemon.diagnose.recordings.recording import filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
 from dsz_daemon.diagnose.residuals.evidence import Box, solved
 from dsz_daemon.diagnose.shapes.unlisted import _has_structure, _unseen, best_shape
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.instruments import low_passed
-from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
 
 
 def _problem(seed: int) -> tuple[np.ndarray, np.ndarray, Box]:

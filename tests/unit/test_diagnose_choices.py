@@ -12,8 +12,9 @@ import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import fit as fitting
-from dsz_daemon.diagnose.fitting.fit import Slopes, exactly, fitted, values_of
+from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting.fit import exactly, fitted
+from dsz_daemon.diagnose.fitting.model import Slopes, values_of
 from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of, with_best_moments
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
@@ -27,9 +28,11 @@ from dsz_daemon.diagnose.selection.search import Search, gained, searched
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, _judged
 from dsz_daemon.diagnose.shapes.unlisted import unlisted
-from dsz_daemon.diagnose.simulation import prediction
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
-from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.simulation import moving as moving_module
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.verdict import numbers
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.grip import over_shapes
 from dsz_daemon.diagnose.verdict.manoeuvres import MANOEUVRES, driven, next_manoeuvre
@@ -216,8 +219,8 @@ def test_the_share_of_the_limit_is_of_what_drive_and_brakes_leave() -> None:
         x[INDEX[name]] = value
     best = SimpleNamespace(x=x, road=flat(N))
     search: Any = SimpleNamespace(drive=one, best=best, rows=rows_of(one))
-    share, _ = answer._front_share(search, "low_friction")
-    moving = prediction.driven(one, x, flat(N))
+    share, _ = numbers._front_share(search, "low_friction")
+    moving = moving_module.driven(one, x, flat(N))
     pulled = moving.rolling.front_free[search.rows.at] < 0.6
     assert pulled.any()
     assert 0.8 < np.abs(share[pulled]).max() < 1.0
@@ -613,7 +616,7 @@ def test_where_a_simulation_fits_its_noise_is_no_way_to_be_wrong(monkeypatch: py
         return float(fit.std[at] ** 2 - (0.02 * fit.x[fit.columns[at]]) ** 2) ** 0.5
 
     usual = [spread(one) for one in (right, wrong)]
-    monkeypatch.setattr(fitting, "_WAYS_TO_BE_WRONG", 1e9)
+    monkeypatch.setattr(judgement, "_WAYS_TO_BE_WRONG", 1e9)
     alike = [spread(one) for one in (right, wrong)]
     assert usual[0] == pytest.approx(alike[0], rel=0.3)
     assert usual[1] > 1.5 * alike[1]

@@ -10,7 +10,9 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 LIMIT_MPS2 = 2.0
 ACROSS = 4

@@ -20,7 +20,9 @@ from dsz_daemon.diagnose.selection.smaller import without_courses
 from dsz_daemon.diagnose.shapes.shape_beside import another_course
 from dsz_daemon.diagnose.shapes.unlisted import as_effect, library
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.road import flat
 
 YAW = 2
 SHAPE = "gyro_z: k*ay*|ay|"

@@ -13,10 +13,14 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
 from dsz_daemon.diagnose.fitting import descent, fit
 from dsz_daemon.diagnose.fitting.descent import Learnt, Place, Slope, Step, turned
-from dsz_daemon.diagnose.fitting.fit import Fit, Slopes, exactly, fitted
+from dsz_daemon.diagnose.fitting.fit import exactly, fitted
+from dsz_daemon.diagnose.fitting.model import Fit, Slopes
 from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of, sensitivities
 from dsz_daemon.diagnose.shapes.unlisted import as_effect
-from dsz_daemon.diagnose.simulation.prediction import driven, flat, nothing, predicted, shown
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted, shown
+from dsz_daemon.diagnose.simulation.road import flat
 
 RNG = np.random.default_rng(12)
 

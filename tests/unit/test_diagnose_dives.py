@@ -12,7 +12,7 @@ from scipy.signal import lsim
 from test_diagnose_choices import TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import fit as fit_module
+from dsz_daemon.diagnose.fitting import judgement
 from dsz_daemon.diagnose.fitting.dives import noise_of_a_dive
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
@@ -22,7 +22,7 @@ from dsz_daemon.diagnose.selection import screening as screening_module
 from dsz_daemon.diagnose.selection.plausible import are_one_turn
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.trials import Step, rank_by
-from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 
 GRADIENT = "suspension_pitch.pitch_gradient_rad_per_mps2"
 # Brakes for two seconds at 3 m/s2 every twenty, and picks up speed again at 0.5.
@@ -99,7 +99,7 @@ def test_a_dive_is_told_where_the_noise_of_the_wheels_pitches_the_simulation(mon
     def none(_one: Drive, _x: object) -> np.ndarray:
         return np.zeros(13)
 
-    for module in (fit_module, screening_module):
+    for module in (judgement, screening_module):
         monkeypatch.setattr(module, "noise_of_a_dive", none)
     assert "suspension_pitch" not in searched(one, rows, TOLERANCE).best.effects
 

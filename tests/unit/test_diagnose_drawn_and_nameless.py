@@ -13,15 +13,18 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting import drawings
 from dsz_daemon.diagnose.fitting.drawings import WHEELS, as_drawn, told, untold
-from dsz_daemon.diagnose.fitting.fit import fitted, values_of
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.selection.smaller import asked_of
 from dsz_daemon.diagnose.simulation.angles import at_a_side, drawn
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.instruments import delayed, rolled
 from dsz_daemon.diagnose.simulation.motion import AY, DELTA, VY, R
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.rolling import _of_the_front
 from dsz_daemon.diagnose.simulation.slow_sensors import smoothed
 from dsz_daemon.diagnose.simulation.wheel_readings import as_they_read, as_they_roll

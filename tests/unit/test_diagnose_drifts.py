@@ -7,15 +7,18 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import fitted, values_of
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import values_of
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.starts import _drifting
 from dsz_daemon.diagnose.shapes.jumps import jump_in
 from dsz_daemon.diagnose.shapes.unlisted import best_shape, pull_shapes, unlisted
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 FADES, YAW, ACROSS, UP = INDEX["bias_drift.fades_per_s"], 2, 4, 5
 

@@ -10,15 +10,18 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import far_off, gained, puts_right, quiet
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, floors, rows_of
 from dsz_daemon.diagnose.selection import trials as trials_module
 from dsz_daemon.diagnose.selection.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.selection.screening import Screening, feels, screened
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.surroundings.winds import by_the_lean
 

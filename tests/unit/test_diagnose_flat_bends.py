@@ -10,7 +10,10 @@ from dsz_daemon.diagnose.effects.vocabulary import COLUMNS, INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.search import searched
-from dsz_daemon.diagnose.simulation.prediction import SHOWN, Drive, driven, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import SHOWN, predicted
+from dsz_daemon.diagnose.simulation.road import flat, on_road
 from dsz_daemon.diagnose.surroundings.profiles import Felt, undrawn
 
 FLAT_ROADS, FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]

@@ -11,7 +11,8 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting import moments as moments_module
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
 from dsz_daemon.diagnose.selection import trials as trials_module
@@ -21,7 +22,8 @@ from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first, rank_by
-from dsz_daemon.diagnose.simulation.prediction import Drive, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 LIMITS = {"tyre_saturation.inverse_square": 0.35**-2, "tyre_saturation.ellipse": 1.0}
 TURNS = ("steering_ratio", "gyro_scale")

@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection import guesses as guesses_module
 from dsz_daemon.diagnose.selection.guesses import guesses
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 ICE = "low_friction"
 

@@ -11,7 +11,9 @@ from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection import trials
 from dsz_daemon.diagnose.selection.screening import screened
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.verdict.told_roads import told_road
 

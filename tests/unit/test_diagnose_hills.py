@@ -17,7 +17,9 @@ from dsz_daemon.diagnose.recordings.recording import Recording
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.residuals.evidence import inverse_of_told
-from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, flat, on_road
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 G = 9.80665

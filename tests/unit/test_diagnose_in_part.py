@@ -10,7 +10,9 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.shown_by import shown_by
 from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import answer, in_part
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.in_part import explains_a_part

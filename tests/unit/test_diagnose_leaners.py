@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection import smaller as smaller_module
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.smaller import without_leaners
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 MOUNT = "imu_misalignment"
 

@@ -8,16 +8,21 @@ from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted, values_of
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.fitting.model import Fit, values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.loads import between_ends, inertia_of_a_load_kgm2
-from dsz_daemon.diagnose.simulation.prediction import Drive, car_of, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 ADDED, SHIFT, TURNS = (INDEX[f"mass_loading.{name}"] for name in ("added_mass_kg", "cg_shift_m", "turns"))
 MASS_KG, ADDED_KG = TUCSON.mass_kg, 300.0

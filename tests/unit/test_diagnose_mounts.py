@@ -10,7 +10,9 @@ from test_diagnose_choices import CITY_STEER, CITY_V, N, drive, found
 from dsz_daemon.diagnose.effects.row import Parameter
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.mounts import as_drawn_rad, as_offsets_else, untold_turns
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, gyros_of, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import gyros_of, predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.answer import answered
 
 TURNS = {"roll_rad": -0.047, "pitch_rad": -0.045, "yaw_rad": 0.055}

@@ -19,8 +19,12 @@ from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.shapes.unlisted import is_named, library
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY, R
-from dsz_daemon.diagnose.simulation.prediction import Drive, car_of, driven, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.simulation.moving import driven, rolls_of
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.winds import follows_the_car
 from dsz_daemon.diagnose.verdict.another_car import NUMBERS
 from dsz_daemon.diagnose.verdict.answer import answered

@@ -12,8 +12,10 @@ from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.search import _shaped
 from dsz_daemon.diagnose.selection.smaller import asked_of
 from dsz_daemon.diagnose.shapes.unlisted import best_shape, is_named, wheel_squares
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import G
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.signals import IMU_CHANNELS
 

@@ -10,7 +10,8 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.recordings.recording import filter_kernel
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
 from dsz_daemon.diagnose.selection import swaps as swaps_module
@@ -18,8 +19,11 @@ from dsz_daemon.diagnose.selection.plausible import is_implausible, weighs_nothi
 from dsz_daemon.diagnose.selection.swaps import in_its_place
 from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
 from dsz_daemon.diagnose.selection.trials import ODD_LOAD, Step, rank_by
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
-from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.winds import follows_the_car
 
 TILT_RAD = 0.04 * np.sin(0.45 * T) + 0.02 * np.sin(1.1 * T + 1.0)

@@ -8,7 +8,9 @@ from test_diagnose_choices import CITY_STEER, CITY_V, N, T, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S, recorded
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.aliases import known_classes
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.pipeline.grid import Signal

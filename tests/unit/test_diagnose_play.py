@@ -10,8 +10,10 @@ from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered, recorded
 from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.play import geared, held_back, lost_in_play, played
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS

@@ -20,8 +20,11 @@ from dsz_daemon.diagnose.recordings import recording as recordings
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording, recorded
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
 from dsz_daemon.diagnose.simulation.instruments import followed
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, ROLL, Drive, flat, nothing, predicted, rolls_of
+from dsz_daemon.diagnose.simulation.moving import ROLL, rolls_of
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.rolling import _unslipped, free_of, tells_engine_from_brakes
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.pipeline.grid import Signal

@@ -21,7 +21,10 @@ from dsz_daemon.diagnose.selection.screening import feels, screened
 from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
 from dsz_daemon.diagnose.shapes.unlisted import CHOSEN_OF_MANY
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import Drive, Moving, Profiles, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import Moving, driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, flat
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 LATE = {"imu_delay": "imu_delay.delay_s", "sensor_bandwidth": "sensor_bandwidth.time_constant_s"}

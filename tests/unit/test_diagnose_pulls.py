@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.shapes.unlisted import pull_shapes
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.pulls import BY_FORCE, PULLS, by_force
 from dsz_daemon.diagnose.simulation.rolling import Slip, rolling
 

@@ -8,8 +8,10 @@ from test_diagnose_choices import CITY_STEER, CITY_V, N, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.simulation import prediction
-from dsz_daemon.diagnose.simulation.prediction import Floats, Profiles, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation import moving
+from dsz_daemon.diagnose.simulation.drive import Floats, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, flat
 from dsz_daemon.diagnose.simulation.rolling import Rolling
 
 I = INDEX["accel_scale.y"]
@@ -42,14 +44,14 @@ def test_another_climb_or_grip_makes_wheels_roll_otherwise_and_a_wind_does_not(
     rows, base, there = rows_of(one), predicted(one, x, felt(x)), x.copy()
     there[I] += STEP
     expected = (predicted(one, there, felt(there)) - base)[rows.at] / STEP
-    before = (predicted(one, there, felt(there), prediction.rolls_of(one, x, felt(x))) - base)[rows.at] / STEP
-    anew, rolls_of = list[int](), prediction.rolls_of
+    before = (predicted(one, there, felt(there), moving.rolls_of(one, x, felt(x))) - base)[rows.at] / STEP
+    anew, rolls_of = list[int](), moving.rolls_of
 
     def counted(*given: object) -> Rolling:
         anew.append(1)
         return rolls_of(*given)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(prediction, "rolls_of", counted)
+    monkeypatch.setattr(moving, "rolls_of", counted)
     slopes = sensitivities(one, rows, x, felt(x), base, [I], felt)[:, :, 0]
     np.testing.assert_allclose(slopes[rows.used], expected[rows.used], rtol=1e-9, atol=1e-9)
     # Once for all columns, and once more where it has to be.

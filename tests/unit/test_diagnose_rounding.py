@@ -15,7 +15,9 @@ from dsz_daemon.diagnose.recordings.recording import DT_S, Recording, filter_ker
 from dsz_daemon.diagnose.recordings.rounding import rounded_anew
 from dsz_daemon.diagnose.residuals.comparison import noises, rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 

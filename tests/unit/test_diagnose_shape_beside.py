@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import quiet
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.evidence import Box, sums
 from dsz_daemon.diagnose.selection.screening import screened
@@ -16,7 +17,9 @@ from dsz_daemon.diagnose.shapes.beside import step_beside
 from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
 from dsz_daemon.diagnose.shapes.unlisted import Found
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.road import flat
 
 YAW = 2
 

@@ -12,7 +12,7 @@ from core_cases import TUCSON
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict.aliases import same_as_slip
 from dsz_daemon.diagnose.verdict.answer import _names_slip_alone
 

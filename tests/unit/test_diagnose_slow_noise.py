@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
-from dsz_daemon.diagnose.fitting.fit import fitted, values_of
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import EVERY, Rows, rows_of
 from dsz_daemon.diagnose.residuals.slow_noise import slope_of_slow_noise
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 K = 3500
 AT = np.arange(100, 100 + EVERY * K, EVERY)

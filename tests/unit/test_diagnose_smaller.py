@@ -21,7 +21,7 @@ from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.smaller import Grown, asked_of, plausible, without_trifles
 from dsz_daemon.diagnose.selection.trials import Step
 from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.verdict.answer import answered
 
 

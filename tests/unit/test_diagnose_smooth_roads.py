@@ -13,12 +13,16 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting import descent
 from dsz_daemon.diagnose.fitting.descent import Place, Slope
-from dsz_daemon.diagnose.fitting.fit import Fit, _floors, exactly, fitted
+from dsz_daemon.diagnose.fitting.fit import _floors, exactly, fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import floors, rows_of
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import Drive, driven, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings import smooth_roads
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.surroundings.smooth_roads import (

@@ -16,7 +16,9 @@ from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import Recording
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import Floats, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Floats, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.said import Diagnosis
 from dsz_daemon.pipeline.grid import Signal

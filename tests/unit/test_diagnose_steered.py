@@ -20,8 +20,12 @@ from dsz_daemon.diagnose.shapes.car_courses import Course, as_effect_of_the_car,
 from dsz_daemon.diagnose.shapes.steered import steered_shape
 from dsz_daemon.diagnose.shapes.unlisted import as_effect, unlisted
 from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import Moving, driven, of_roll
 from dsz_daemon.diagnose.simulation.own_courses import pushed_by
-from dsz_daemon.diagnose.simulation.prediction import Drive, Moving, car_of, driven, flat, nothing, of_roll, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.manoeuvres import next_manoeuvre
 

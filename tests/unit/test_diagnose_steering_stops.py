@@ -11,7 +11,9 @@ from dsz_daemon.diagnose import diagnose
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.recordings.recording import Recording
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.pipeline.grid import Signal
 
 RATIO, LIMIT_RAD = 16.0, 0.6

@@ -9,8 +9,9 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import fit as fit_module
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of
 from dsz_daemon.diagnose.selection import search as search_module
 from dsz_daemon.diagnose.selection import starts as starts_module
@@ -22,7 +23,7 @@ from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.swaps import a_load_instead, a_scale_instead, in_its_place
 from dsz_daemon.diagnose.selection.trials import Step, Trial, two_instead
 from dsz_daemon.diagnose.shapes.unlisted import as_effect
-from dsz_daemon.diagnose.simulation.prediction import Drive, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.verdict.answer import answered
 
 SLOW = {"sensor_bandwidth.time_constant_s": 0.08}
@@ -392,7 +393,7 @@ def test_in_a_body_that_leans_the_height_of_an_arm_is_the_imus_own(monkeypatch: 
     # Whose C.G. an arm is from, the car's or its body's, is not known to some centimetres (decision 0056).
     spread = both.std[both.columns.index(up)]
     assert 0.05 < spread < 0.1
-    monkeypatch.setattr(fit_module, "IN_A_BODY_M", 0.0)
+    monkeypatch.setattr(judgement, "IN_A_BODY_M", 0.0)
     surer = fitted(one, rows, start, ("suspension_roll", "imu_lever_arm"), TOLERANCE)
     assert spread**2 - surer.std[surer.columns.index(up)] ** 2 == pytest.approx(0.05**2)
 

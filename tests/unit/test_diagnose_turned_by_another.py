@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.level import level_of, turned_by_another

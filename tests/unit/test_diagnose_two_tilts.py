@@ -10,7 +10,10 @@ from dsz_daemon.diagnose.effects.surroundings import KNOTS
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
-from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, driven, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, flat, on_road
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 BOTH = ("road_bank", "road_grade")

@@ -17,7 +17,9 @@ from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import fitted
 from dsz_daemon.diagnose.selection.trials import Step
 from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect, is_named
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.wheel_readings import as_they_read, as_they_roll
 from dsz_daemon.diagnose.verdict import unnamed
 from dsz_daemon.diagnose.verdict.answer import answered

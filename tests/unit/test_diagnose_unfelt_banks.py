@@ -13,8 +13,10 @@ from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.smaller import without_trifles
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import G
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat, on_road
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.verdict.answer import answered

@@ -15,8 +15,10 @@ from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.smaller import without_trifles, worth_now
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import G
-from dsz_daemon.diagnose.simulation.prediction import ALONG, Drive, nothing, on_road
+from dsz_daemon.diagnose.simulation.prediction import ALONG
+from dsz_daemon.diagnose.simulation.road import on_road
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import (
     along_the_way,

@@ -22,7 +22,10 @@ from dsz_daemon.diagnose.selection.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.selection.smaller import worth_now
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, two_at_once
-from dsz_daemon.diagnose.simulation.prediction import Drive, Profiles, car_of, flat, nothing, on_road, predicted
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, flat, on_road
 from dsz_daemon.diagnose.surroundings import winds
 from dsz_daemon.diagnose.surroundings.profiles import Felt, wind_ahead_m
 from dsz_daemon.diagnose.verdict import told_roads

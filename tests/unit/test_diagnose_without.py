@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.fitting.gains import gained
 from dsz_daemon.diagnose.fitting.without import slopes_at, surely_without, without
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.screening import screened
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 ONE = drive({"gyro_scale.z": 0.05, "steering_ratio.scale": 0.04}, CITY_V, CITY_STEER)
 ROWS = rows_of(ONE)

@@ -19,7 +19,9 @@ from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.smaller import share_of_all
 from dsz_daemon.diagnose.selection.trials import Trial
-from dsz_daemon.diagnose.simulation.prediction import Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.pipeline.grid import Signal
 
 STEP = 0.001

@@ -10,7 +10,7 @@ import pytest
 
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.selection.plausible import is_implausible
-from dsz_daemon.diagnose.simulation.prediction import nothing
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 # A cross axis is at most 0.2, a scale error 0.25.
 CROSS = ("xy", "xz", "yx", "yz", "zx", "zy")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Bools, Rows
 from dsz_daemon.diagnose.residuals.locate import channel_names
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats, nothing
 from dsz_daemon.diagnose.simulation.motion import ROLLING_MPS
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 # Tyres push hardest at a slip of a tenth to a sixth (Pacejka, Tyre and Vehicle Dynamics, 2012, 4.3).
 _BEYOND = 0.1

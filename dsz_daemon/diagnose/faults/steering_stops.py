@@ -14,7 +14,9 @@ import numpy as np
 from dsz_daemon.diagnose.recordings.recording import Recording, white_std
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.pipeline.grid import Signal
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]

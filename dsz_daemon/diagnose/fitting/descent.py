@@ -16,7 +16,10 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.residuals.comparison import Bools, Ints, Rows, residual
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.evidence import Box, likelihood_of, scatter_of, solved, sums
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Moving, Profiles, driven, predicted, shown
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.moving import Moving, driven
+from dsz_daemon.diagnose.simulation.prediction import predicted, shown
+from dsz_daemon.diagnose.simulation.road import Profiles
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 from dsz_daemon.diagnose.surroundings.smooth_roads import bends, leaning, roughness, slopes_of_bends, unevenness
 

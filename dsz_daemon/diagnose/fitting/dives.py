@@ -9,7 +9,7 @@ import numpy as np
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 
 DIVE = "suspension_pitch"
 _GRADIENT = INDEX[f"{DIVE}.pitch_gradient_rad_per_mps2"]

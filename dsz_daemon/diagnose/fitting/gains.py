@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from dsz_daemon.diagnose.effects.row import SENSORS
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL, UPRIGHT, Fit
 from dsz_daemon.diagnose.fitting.limits import read_off
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, UPRIGHT, Fit
 from dsz_daemon.diagnose.fitting.moments import moments_of
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, Bools, noises
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN, gain
 from dsz_daemon.diagnose.residuals.inputs import smoothed_away
-from dsz_daemon.diagnose.simulation.prediction import ALONG, Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import ALONG
 from dsz_daemon.diagnose.surroundings.smooth_roads import bends, is_new_on_a_bank, smoother
 from dsz_daemon.diagnose.surroundings.unfelt_banks import ACROSS, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.flat_tops import FlatTop
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 # The first of the channels that a limit is of.
 LIMITS = ((0, "gyro_limit_radps"), (3, "accel_limit_mps2"))

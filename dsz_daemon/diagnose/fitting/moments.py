@@ -9,10 +9,12 @@ from functools import partial
 import numpy as np
 
 from dsz_daemon.diagnose.fitting.descent import loss_of
-from dsz_daemon.diagnose.fitting.fit import MOMENTS, Fit, exactly
+from dsz_daemon.diagnose.fitting.fit import exactly
+from dsz_daemon.diagnose.fitting.model import MOMENTS, Fit
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, residual
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 # So long is a slippery stretch at least.
 SHORTEST_S = 2.0

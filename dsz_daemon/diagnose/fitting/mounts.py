@@ -8,7 +8,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import Parameter
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 MOUNT = "imu_misalignment"
 # What turns an IMU against the road: drawn wholly, or by small angles.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import Fit
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, predicted
+from dsz_daemon.diagnose.fitting.model import Fit
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 
 def shown_by(drive: Drive, fit: Fit, effect: str) -> Floats:

@@ -6,10 +6,12 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL, Fit, Slopes, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, Fit, Slopes
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.simulation.prediction import Drive, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 # What an effect gains by slopes that are not quite the place's, for that to be enough to know that it stays.
 _SURELY = 3.0 * LEAST_GAIN

@@ -13,17 +13,10 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.effects.nuisances import OFFSETS
 from dsz_daemon.diagnose.effects.row import CAR, SENSORS
 from dsz_daemon.diagnose.recordings.recording import ALONG_FILTER_S, DT_S, FILTER_S, REFERENCE, filter_kernel
-from dsz_daemon.diagnose.simulation.prediction import (
-    CHANNELS,
-    ROLL,
-    SHOWN,
-    Drive,
-    Floats,
-    Profiles,
-    driven,
-    predicted,
-    shown,
-)
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.simulation.moving import ROLL, driven
+from dsz_daemon.diagnose.simulation.prediction import SHOWN, predicted, shown
+from dsz_daemon.diagnose.simulation.road import Profiles
 from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]

@@ -10,16 +10,9 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, Vocabulary
 from dsz_daemon.diagnose.recordings.recording import REFERENCE, Recording, filtered
 from dsz_daemon.diagnose.residuals.inputs import with_noise, with_steps
-from dsz_daemon.diagnose.simulation.prediction import (
-    ALONG,
-    ALONG_KERNEL,
-    CHANNELS,
-    Drive,
-    Floats,
-    flat,
-    nothing,
-    predicted,
-)
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats, nothing
+from dsz_daemon.diagnose.simulation.prediction import ALONG, ALONG_KERNEL, predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 
 def drive_of(recording: Recording, car: Car, steering_ratio: float, vocabulary: Vocabulary = BUILT_IN) -> Drive:

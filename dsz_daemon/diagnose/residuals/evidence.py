@@ -11,7 +11,7 @@ import numpy as np
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Bools, Ints, Rows, robust_std
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
-from dsz_daemon.diagnose.simulation.prediction import Floats
+from dsz_daemon.diagnose.simulation.drive import Floats
 
 # In log likelihood on unseen blocks: what one of thirty candidates may reach by chance is some ln(30) = 3.4.
 LEAST_GAIN = 10.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Rows
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 
 # The course of motion: now, and so long before and after.
 _LAGS_S = (-0.3, 0.0, 0.3)

@@ -15,7 +15,9 @@ from dsz_daemon.diagnose.recordings.recording import filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import EVERY
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats, Ints, flat, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats, nothing
+from dsz_daemon.diagnose.simulation.prediction import Ints, predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.slow_sensors import smoothed
 from dsz_daemon.signals import IMU_CHANNELS
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.residuals.comparison import Bools, Rows
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 from dsz_daemon.signals import WHEEL_SPEEDS
 
 # A second stands out if its mean square is this many times what is usual where nothing is left out, and if that is no

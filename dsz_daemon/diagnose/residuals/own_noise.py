@@ -7,7 +7,7 @@ import numpy as np
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, Rows
 from dsz_daemon.diagnose.residuals.flexible import flexible_rms
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 # What is so many times more where a car is driven hard than where it is not has to do with how it is driven.
 _LIVELIER, _STEADIER = 1.6, 3.0

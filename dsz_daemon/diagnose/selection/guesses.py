@@ -8,12 +8,14 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.descent import loss_of_rows
-from dsz_daemon.diagnose.fitting.fit import Fit
 from dsz_daemon.diagnose.fitting.limits import LIMITS, reaches, tops_of
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import ROW_S, Each, Rows, residual
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, flat, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 
 # The simulation goes so much beyond the furthest reading, for so many rows: then readings may clip.
 _BEYOND, _FOR_ROWS = 1.02, 5

@@ -9,16 +9,19 @@ from itertools import combinations
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import GRIP, OWN_CHANNEL, TILTS, Fit, may_be_a_curve
 from dsz_daemon.diagnose.fitting.gains import far_off
+from dsz_daemon.diagnose.fitting.judgement import may_be_a_curve
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, TILTS, Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
 from dsz_daemon.diagnose.simulation.loads import LOAD
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, flat, predicted
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.wheel_readings import locks_in_front
 from dsz_daemon.diagnose.surroundings.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, rises_and_falls, way_of

@@ -10,10 +10,11 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import GUESSED, NUISANCES
 from dsz_daemon.diagnose.fitting.dives import DIVE, noise_of_a_dive
-from dsz_daemon.diagnose.fitting.fit import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
+from dsz_daemon.diagnose.fitting.model import DRAWN, OWN_CHANNEL, Fit, Slopes, box_of
 from dsz_daemon.diagnose.residuals.comparison import Bools, Each, Rows, noises, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN, Box, Sums, gain, held_out, solved, sums
-from dsz_daemon.diagnose.simulation.prediction import ALONG, Drive, Floats, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import ALONG, predicted
 from dsz_daemon.diagnose.surroundings.unfelt_banks import ACROSS, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
 

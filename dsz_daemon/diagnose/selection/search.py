@@ -17,8 +17,9 @@ from dsz_daemon.diagnose.effects.nuisances import TOLERATED
 from dsz_daemon.diagnose.effects.shape_names import is_shape
 from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
 from dsz_daemon.diagnose.fitting.drawings import as_drawn, untold
-from dsz_daemon.diagnose.fitting.fit import Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.moments import in_the_middle
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
@@ -50,7 +51,8 @@ from dsz_daemon.diagnose.selection.trials import (
 from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
 from dsz_daemon.diagnose.shapes.unlisted import BY_CHANCE, Found
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, nothing, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.pulls import by_force
 
 Progress = Callable[[str], None]

@@ -8,14 +8,16 @@ from functools import cached_property, partial
 
 from dsz_daemon.diagnose.effects.row import CAR
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape, steers_by_speed, with_shapes
-from dsz_daemon.diagnose.fitting.fit import GRIP, OWN_CHANNEL, Fit, Slopes, fitted, may_be_a_curve
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, told_from
+from dsz_daemon.diagnose.fitting.judgement import may_be_a_curve
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, Fit, Slopes
 from dsz_daemon.diagnose.fitting.without import slopes_at, surely_without, without
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.plausible import does_nothing, is_implausible, is_told
 from dsz_daemon.diagnose.shapes.shape_beside import another_course
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
 

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.fitting.gains import far_off
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows
 from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.screening import feels
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
 from dsz_daemon.diagnose.simulation.loads import LOAD
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
 from dsz_daemon.diagnose.surroundings.profiles import wind_ahead_m
 from dsz_daemon.signals import IMU_CHANNELS
 

@@ -7,16 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
-from dsz_daemon.diagnose.fitting.fit import GRIP, OWN_CHANNEL, SAME_TURN, Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.fitting.mounts import MOUNT
 from dsz_daemon.diagnose.fitting.without import without
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
 from dsz_daemon.diagnose.selection.trials import ODD_LOAD, Step
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.simulation.loads import LOAD
-from dsz_daemon.diagnose.simulation.prediction import Drive
 
 # Of what an effect gained when it was chosen, a rival worth another look.
 _NEAR = 0.75

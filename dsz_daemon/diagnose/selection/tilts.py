@@ -12,11 +12,13 @@ import math
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.shown_by import shown_by
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Rows
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Ints, on_road
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import Ints
+from dsz_daemon.diagnose.simulation.road import on_road
 
 # By what a road moves the car itself: a_z, and the yaw rate; and where its gravity is.
 _MOVED, _PITCH_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, {"road_grade": 3, "road_bank": 4}

@@ -13,18 +13,9 @@ from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.row import CAR
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import GUESSED, INDEX
-from dsz_daemon.diagnose.fitting.fit import (
-    GRIP,
-    ONE_BY_ONE,
-    OWN_CHANNEL,
-    SAME_TURN,
-    TILTS,
-    Fit,
-    Slopes,
-    exactly,
-    fitted,
-)
+from dsz_daemon.diagnose.fitting.fit import ONE_BY_ONE, exactly, fitted
 from dsz_daemon.diagnose.fitting.gains import far_off, gained, is_beyond_form, puts_right
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, SAME_TURN, TILTS, Fit, Slopes
 from dsz_daemon.diagnose.fitting.moments import moments_of, with_best_moments
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
@@ -40,8 +31,8 @@ from dsz_daemon.diagnose.selection.plausible import (
 from dsz_daemon.diagnose.selection.screening import Screening, feels
 from dsz_daemon.diagnose.selection.starts import Start
 from dsz_daemon.diagnose.shapes.unlisted import Found, wheel_squares
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.simulation.loads import LOAD
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats
 
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import DRAWN, Fit
+from dsz_daemon.diagnose.fitting.model import DRAWN, Fit
 from dsz_daemon.diagnose.residuals.comparison import Bools, Rows, floors
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.evidence import Box, Sums, gain, held_out, inverse, scatter_of, solved
 from dsz_daemon.diagnose.shapes.unlisted import CHOSEN_OF_MANY
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 # The channels' weights are found anew so often.
 _ROUNDS = 4

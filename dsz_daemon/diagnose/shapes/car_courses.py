@@ -13,9 +13,10 @@ import numpy as np
 from dsz_daemon.diagnose.effects.row import CAR, Effect, Parameter
 from dsz_daemon.diagnose.effects.shape_names import MOMENT, REAR, SHAPE, STEERING, TYRES
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.simulation.drive import Floats
 from dsz_daemon.diagnose.simulation.instruments import followed
 from dsz_daemon.diagnose.simulation.motion import AY, FRONT_N, ROLLING_MPS, VY, CarModel, R
-from dsz_daemon.diagnose.simulation.prediction import Floats, Moving
+from dsz_daemon.diagnose.simulation.moving import Moving
 
 # A turn of the wheels, rms, that any of them may bring; and the most.
 _SOME_RAD, _MOST_RAD = 0.002, 0.5

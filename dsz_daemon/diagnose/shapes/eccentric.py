@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 
 from dsz_daemon.diagnose.effects.shape_names import SHAPE, STEERING
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.shapes.unlisted import Shape
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 
 # Courses that are nothing straight ahead, and what they are about the middle of the circle.
 _CIRCLES = {f"(1-cos({turn}))": f"cos({turn})" for turn in ("hand", "2*hand")}

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Ints
-from dsz_daemon.diagnose.simulation.prediction import Floats
+from dsz_daemon.diagnose.simulation.drive import Floats
 
 # So far from both ends, and by so many times as much as what is left beside it wanders (rms of blocks' means): a slow
 # noise's largest step.

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effects.shape_names import with_shapes
-from dsz_daemon.diagnose.fitting.fit import Fit, Slopes, box_of
 from dsz_daemon.diagnose.fitting.gains import quiet
+from dsz_daemon.diagnose.fitting.model import Fit, Slopes, box_of
 from dsz_daemon.diagnose.residuals.comparison import Bools, Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import Box, Sums, inverse, sums
 from dsz_daemon.diagnose.shapes.beside import step_beside, taken_beside
@@ -24,7 +24,8 @@ from dsz_daemon.diagnose.shapes.unlisted import (
     library,
     unit_of,
 )
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats, driven
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So many are judged on blocks that they have not seen: those that take the most off what is left.

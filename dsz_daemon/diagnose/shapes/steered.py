@@ -12,14 +12,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
-from dsz_daemon.diagnose.fitting.fit import Fit, Slopes, box_of
 from dsz_daemon.diagnose.fitting.gains import quiet
+from dsz_daemon.diagnose.fitting.model import Fit, Slopes, box_of
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import inverse, sums
 from dsz_daemon.diagnose.shapes.beside import step_beside, taken_beside
 from dsz_daemon.diagnose.shapes.car_courses import as_effect_of_the_car, courses_of
 from dsz_daemon.diagnose.shapes.unlisted import Found
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, car_of, driven, predicted
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 _YAW, _ACROSS = CHANNELS.index("gyro_z"), CHANNELS.index("accel_y")
 # So many are judged on blocks that they have not seen: those that take the most off what is left.

@@ -14,15 +14,16 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import SENSORS, Effect, Parameter
 from dsz_daemon.diagnose.effects.shape_names import SHAPE, with_shapes
-from dsz_daemon.diagnose.fitting.fit import Fit, values_of
+from dsz_daemon.diagnose.fitting.model import Fit, values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Each, Ints, Rows, noises
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.shapes.jumps import jump_in
 from dsz_daemon.diagnose.shapes.uneven_scales import is_anothers, uneven
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.simulation.motion import AY, G, R
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive, Floats, Moving, driven
+from dsz_daemon.diagnose.simulation.moving import Moving, driven
 from dsz_daemon.diagnose.simulation.pulls import is_much
 from dsz_daemon.diagnose.simulation.wheel_readings import locks_in_front
 from dsz_daemon.signals import IMU_CHANNELS

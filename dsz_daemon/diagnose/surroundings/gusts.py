@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from dsz_daemon.diagnose.recordings.recording import DT_S
-from dsz_daemon.diagnose.simulation.prediction import Floats
+from dsz_daemon.diagnose.simulation.drive import Floats
 
 # Where a spectrum is read, Hz; each of its pieces, half of which the next one shares; and how far it is followed.
 _FROM_HZ, _TO_HZ, _PIECE_S, _LAST_HZ = 0.5, 0.75, 40.0, 50.0

@@ -16,18 +16,10 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S, filtered, sharp_kernel
 from dsz_daemon.diagnose.residuals.comparison import FORM, Each, Rows, floors
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import (
-    ALONG,
-    Drive,
-    Moving,
-    Profiles,
-    correction,
-    flat,
-    gyros_of,
-    of_roll,
-    predicted,
-    rolls_of,
-)
+from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.moving import Moving, of_roll, rolls_of
+from dsz_daemon.diagnose.simulation.prediction import ALONG, gyros_of, predicted
+from dsz_daemon.diagnose.simulation.road import Profiles, correction, flat
 from dsz_daemon.diagnose.simulation.rolling import Rolling
 from dsz_daemon.diagnose.simulation.slow_sensors import in_time
 from dsz_daemon.diagnose.surroundings.unfelt_banks import bank_by_the_turn, is_unfelt

@@ -16,7 +16,8 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.inputs import rolling_rows
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Profiles, on_road
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.road import Profiles, on_road
 from dsz_daemon.diagnose.surroundings.profiles import leans_too
 
 # What a fit's other channels seem to tell of a lean beside a bank is less than what a simulation gets wrong: how smooth

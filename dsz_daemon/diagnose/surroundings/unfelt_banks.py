@@ -12,7 +12,10 @@ import numpy as np
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import DT_S, filtered
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Profiles, driven, gyros_of, shown
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.prediction import gyros_of, shown
+from dsz_daemon.diagnose.simulation.road import Profiles
 from dsz_daemon.diagnose.simulation.rolling import Rolling
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
 

@@ -21,7 +21,8 @@ from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, Bools, Ints, Rows
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.prediction import ALONG, Drive, Floats
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import ALONG
 
 ROLL_GYRO, PITCH_GYRO = 0, 1
 # What a road that climbs all the way shows: a car that turns on it rolls by as much of its turn, r gamma.

@@ -12,8 +12,12 @@ from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filter
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, FOLDS, noises
 from dsz_daemon.diagnose.residuals.correlation import quick_length
 from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.motion import CarModel
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Ints, Profiles, car_of, driven, predicted, rolls_of
+from dsz_daemon.diagnose.simulation.moving import driven, rolls_of
+from dsz_daemon.diagnose.simulation.prediction import Ints, predicted
+from dsz_daemon.diagnose.simulation.road import Profiles
 from dsz_daemon.diagnose.simulation.slow_sensors import in_time
 
 # A wind changes over seconds; what is quicker is mostly the accelerometer's noise. A push would bring it into the yaw

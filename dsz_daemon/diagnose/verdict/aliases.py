@@ -10,13 +10,13 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
-from dsz_daemon.diagnose.fitting.fit import SAME_TURN, Fit
+from dsz_daemon.diagnose.fitting.model import SAME_TURN, Fit
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Rows
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.trials import Step
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import rate_of
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 # Of two explanations so close on unseen data, the recording does not choose: in log likelihood, and of what is gained.

@@ -12,14 +12,15 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL, SAME_TURN, Fit, fitted
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import far_off, gained
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.fitting.without import slopes_at, surely_without, without
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.search import Progress, Search, searched
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Drive
-from dsz_daemon.diagnose.verdict.answer import parameter_errors
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive
+from dsz_daemon.diagnose.verdict.configured import parameter_errors
 
 # Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
 NUMBERS = frozenset({"steering_ratio", "track_width", "yaw_inertia"}) | SAME_TURN

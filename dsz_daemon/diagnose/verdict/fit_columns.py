@@ -8,7 +8,8 @@ import numpy as np
 
 from dsz_daemon.diagnose.residuals.comparison import own_offsets
 from dsz_daemon.diagnose.selection.search import Search
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS, Floats, predicted
+from dsz_daemon.diagnose.simulation.drive import CHANNELS, Floats
+from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.verdict.told_roads import told_road
 from dsz_daemon.signals import IMU_CHANNELS
 

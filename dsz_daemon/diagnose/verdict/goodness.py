@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import floors
 from dsz_daemon.diagnose.residuals.flexible import flexible_rms
 from dsz_daemon.diagnose.residuals.locate import channel_names
 from dsz_daemon.diagnose.selection.search import Search
-from dsz_daemon.diagnose.simulation.prediction import ALONG, Floats
+from dsz_daemon.diagnose.simulation.drive import Floats
+from dsz_daemon.diagnose.simulation.prediction import ALONG
 from dsz_daemon.diagnose.verdict.said import ChannelFit, Sides
 from dsz_daemon.signals import GYRO_CHANNELS, IMU_CHANNELS
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsz_daemon.diagnose.simulation.prediction import Floats
+from dsz_daemon.diagnose.simulation.drive import Floats
 
 # From a curve that bends early to a clamp, see `motion.SHARPNESS`.
 _SHAPES = (1.7, 2.5, 4.0, 9.0)

@@ -11,12 +11,12 @@ from collections.abc import Collection
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.shown_by import shown_by
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Rows, noises
 from dsz_daemon.diagnose.residuals.locate import channel_names
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 
 # Of what an effect shows (power) so much is left, and of seconds the ranks of both agree by so much. Right names of
 # six simulators had 0.07 at 0.75, or 0.39 at most; of wrong ones four had 0.73 and more.

@@ -7,13 +7,13 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.effects.row import WHEELS
-from dsz_daemon.diagnose.fitting.fit import GRIP
+from dsz_daemon.diagnose.fitting.model import GRIP
 from dsz_daemon.diagnose.residuals.comparison import noises
 from dsz_daemon.diagnose.residuals.locate import channel_names
 from dsz_daemon.diagnose.residuals.own_noise import is_its_own
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.trials import TURNS
-from dsz_daemon.diagnose.simulation.prediction import CHANNELS
+from dsz_daemon.diagnose.simulation.drive import CHANNELS
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
 from dsz_daemon.signals import IMU_CHANNELS
 

@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.fitting.fit import nuisances
+from dsz_daemon.diagnose.fitting.model import nuisances
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording, filter_kernel, filtered
 from dsz_daemon.diagnose.recordings.rounding import rounded_anew
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, noises, rows_of, sensitivities
 from dsz_daemon.diagnose.residuals.drives import drive_of
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, flat, predicted
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.pipeline.grid import Signal
 
 _LASTS_S = 40.0

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import Fit
+from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import EVERY, Ints, Rows
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
-from dsz_daemon.diagnose.simulation.prediction import Drive, Floats, Profiles, on_road
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.road import Profiles, on_road
 from dsz_daemon.diagnose.surroundings.gusts import power_above_n2
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, evenly_by

@@ -9,12 +9,12 @@ import numpy as np
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.shape_names import SHAPE, TYRES, is_of_the_car, is_shape, steers_by_speed
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.fit import GRIP, SAME_TURN, Fit
+from dsz_daemon.diagnose.fitting.model import GRIP, SAME_TURN, Fit
 from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.shapes.eccentric import parts_of
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)

@@ -6,13 +6,13 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.shape_names import is_shape
-from dsz_daemon.diagnose.fitting.fit import OWN_CHANNEL
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection import search as searching
 from dsz_daemon.diagnose.selection.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.selection.search import Search
-from dsz_daemon.diagnose.simulation.prediction import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt
 from dsz_daemon.signals import IMU_CHANNELS
