@@ -33,7 +33,8 @@ def cause_card(cause: Mapping[str, Any], number: int) -> Element:
     parts += _line("statement", told(cause.get("statement")).replace("m/s2", "m/s²"))
     equation = told(cause.get("equation"))
     if equation:
-        parts.append(element("p", element("code", equation), class_="equation"))
+        source = told(cause.get("source"))
+        parts.append(element("p", element("code", equation), f" ({source})" if source else "", class_="equation"))
     rows = [_parameter_row(effect, name, value) for name, value in mapping(cause.get("parameters")).items()]
     if rows:
         parts.append(_parameter_table(rows))

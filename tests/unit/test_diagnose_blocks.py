@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from types import SimpleNamespace
 from typing import Any
 
@@ -148,6 +149,7 @@ def test_what_shows_in_a_calm_block_can_be_tested(monkeypatch: pytest.MonkeyPatc
         return slopes
 
     monkeypatch.setattr(untested.searching, "slopes_of", slopes_of)
+    monkeypatch.setattr(untested, "_excitation", lambda _: defaultdict(float))
     best = SimpleNamespace(effects=(), scatter=scatter, per_row=np.ones(13))
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(vocabulary=BUILT_IN, measured=np.zeros((2, 13))), rows=rows, best=best

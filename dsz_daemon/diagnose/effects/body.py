@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dsz_daemon.diagnose.effects.row import CAR, Effect, Parameter
+from dsz_daemon.diagnose.effects.row import CAR, LATERAL, LONGITUDINAL, Effect, Parameter
 
 # How quickly a body leans, how soon it is still, how far the IMU is above (and ahead of) its axis, and what the C.G. is
 # above it: never told.
@@ -24,6 +24,8 @@ SUSPENSION_ROLL = Effect(
     "reading_y = a_y + g phi, phi = k a_y when steady",
     CAR,
     (Parameter("roll_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_BODY, _SWINGS),
+    source="a body on springs; Milliken and Milliken, Race Car Vehicle Dynamics",
+    needs=(LATERAL,),
 )
 
 SUSPENSION_PITCH = Effect(
@@ -32,6 +34,8 @@ SUSPENSION_PITCH = Effect(
     "reading_x = a_x - g theta, theta = -k a_x when steady",
     CAR,
     (Parameter("pitch_gradient_rad_per_mps2", "rad/(m/s2)", 0.005, 0.0, 0.04, 5e-4), *_PITCH),
+    source="a body on springs; Milliken and Milliken, Race Car Vehicle Dynamics",
+    needs=(LONGITUDINAL,),
 )
 
 MASS_LOADING = Effect(
@@ -45,4 +49,7 @@ MASS_LOADING = Effect(
         # The share of what the load has to turn with it that it adds to the yaw inertia.
         Parameter("turns", "1", 0.2, 0.0, 1.3, math.inf),
     ),
+    source="two bodies as one; Pacejka, Tire and Vehicle Dynamics, chapter 1",
+    needs=(LATERAL,),
+    like=("cornering_stiffness", "steering_compliance"),
 )

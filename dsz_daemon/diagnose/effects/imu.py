@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import math
 
-from dsz_daemon.diagnose.effects.row import SENSORS, Effect, Parameter, even
+from dsz_daemon.diagnose.effects.row import (
+    DURATION,
+    LATERAL,
+    LONGITUDINAL,
+    SENSORS,
+    YAW_ACCELERATION,
+    YAW_RATE,
+    Effect,
+    Parameter,
+    even,
+)
 
 _LEAKS = "xy xz yx yz zx zy"
 _NINE = " ".join(first + second for first in "xyz" for second in "xyz")
@@ -19,6 +29,8 @@ IMU_LEVER_ARM = Effect(
         Parameter("y_m", "m", 0.3, -1.0, 1.0, 0.03),
         Parameter("z_m", "m", 0.3, -1.0, 1.5, 0.1),
     ),
+    source="a rigid body; Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(YAW_ACCELERATION,),
 )
 
 IMU_MISALIGNMENT = Effect(
@@ -27,6 +39,8 @@ IMU_MISALIGNMENT = Effect(
     "x = fx + yaw fy - pitch fz, y = fy - yaw fx + roll fz, z = fz + pitch fx - roll fy",
     SENSORS,
     even("roll_rad pitch_rad yaw_rad", "rad", 0.02, 0.3, 0.0015),
+    source="a rotation vector; Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(LATERAL, LONGITUDINAL),
 )
 
 GYRO_SCALE = Effect(
@@ -35,6 +49,8 @@ GYRO_SCALE = Effect(
     "reading = (1 + k) rate",
     SENSORS,
     even("x y z", "1", 0.03, 0.25, 0.003),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(YAW_RATE,),
 )
 
 ACCEL_SCALE = Effect(
@@ -43,6 +59,8 @@ ACCEL_SCALE = Effect(
     "reading = (1 + k) force",
     SENSORS,
     even("x y z", "1", 0.03, 0.25, 0.003),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(LATERAL, LONGITUDINAL),
 )
 
 GYRO_CROSS_AXIS = Effect(
@@ -51,6 +69,8 @@ GYRO_CROSS_AXIS = Effect(
     "reading_i += k_ij rate_j",
     SENSORS,
     even(_LEAKS, "1", 0.02, 0.2, 0.002),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(YAW_RATE,),
 )
 
 ACCEL_CROSS_AXIS = Effect(
@@ -59,6 +79,8 @@ ACCEL_CROSS_AXIS = Effect(
     "reading_i += k_ij force_j",
     SENSORS,
     even(_LEAKS, "1", 0.02, 0.2, 0.002),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(LATERAL, LONGITUDINAL),
 )
 
 GYRO_G_SENSITIVITY = Effect(
@@ -67,6 +89,8 @@ GYRO_G_SENSITIVITY = Effect(
     "reading_i += k_ij force_j",
     SENSORS,
     even(_NINE, "(rad/s)/(m/s2)", 1e-3, 0.02, 3e-5),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(LATERAL, LONGITUDINAL),
 )
 
 BIAS_DRIFT = Effect(
@@ -79,6 +103,8 @@ BIAS_DRIFT = Effect(
         *even("accel_x accel_y accel_z", "m/s2/s", 1e-3, 0.05, 1e-4),
         Parameter("fades_per_s", "1/s", 0.01, -0.02, 0.07, math.inf),
     ),
+    source="a body that warms up: Newton's law of cooling",
+    needs=(DURATION,),
 )
 
 IMU_DELAY = Effect(
@@ -87,6 +113,9 @@ IMU_DELAY = Effect(
     "reading(t) = y(t - d)",
     SENSORS,
     (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.003),),
+    source="a transport delay",
+    needs=(YAW_ACCELERATION,),
+    like=("sensor_bandwidth",),
 )
 
 SENSOR_BANDWIDTH = Effect(
@@ -95,6 +124,9 @@ SENSOR_BANDWIDTH = Effect(
     "T y' = x - y, T = 1/(2 pi f)",
     SENSORS,
     (Parameter("time_constant_s", "s", 0.03, 0.0, 0.4, 0.004),),
+    source="a low-pass of first order",
+    needs=(YAW_ACCELERATION,),
+    like=("imu_delay",),
 )
 
 SENSOR_SATURATION = Effect(
@@ -106,4 +138,6 @@ SENSOR_SATURATION = Effect(
         Parameter("accel_limit_mps2", "m/s2", 0.2, 0.0, 100.0, 0.1),
         Parameter("gyro_limit_radps", "rad/s", 0.01, 0.0, 10.0, 0.01),
     ),
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology",
+    needs=(LATERAL, YAW_RATE),
 )

@@ -48,6 +48,8 @@ NAMELESS = (
         "T delta' = hand / ratio - delta",
         CAR,
         (Parameter("time_constant_s", "s", 0.02, 0.0, 0.5, 0.005),),
+        # Beside wheel speeds that are late.
+        like=("sensor_bandwidth", "imu_delay"),
     ),
     Effect(
         "steering_friction",

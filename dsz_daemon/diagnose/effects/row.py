@@ -12,6 +12,19 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 CAR, SENSORS, WHEELS = "car", "sensors", "wheels"
 
 
+class Excitation(NamedTuple):
+    """What a drive has to have for an effect to show: a quantity of the motion, and its unit."""
+
+    words: str
+    unit: str
+
+
+SPEED, DURATION = Excitation("speed", "m/s"), Excitation("driving", "s")
+YAW_RATE, YAW_ACCELERATION = Excitation("yaw rate", "rad/s"), Excitation("yaw acceleration", "rad/s2")
+LATERAL, LONGITUDINAL = Excitation("lateral acceleration", "m/s2"), Excitation("longitudinal acceleration", "m/s2")
+STEERING_RATE = Excitation("road wheel rate", "rad/s")
+
+
 class Parameter(NamedTuple):
     """One number of an effect, SI; `low` and `high` are what is plausible."""
 
@@ -47,6 +60,9 @@ Shows = Callable[[Motion, Mapping[str, float]], Mapping[str, Floats]]
 class Effect(NamedTuple):
     """One row: `words` is a format of its parameters' values by name, `touches` what has to be computed anew.
 
+    `source` is where the equation is from; `needs`, what has to move for it to show, is what a drive is told to lack;
+    `like` are the names of others that show nearly the same, and are always held against it.
+
     The built-in ones are in the simulation; one of a user's own `shows` what it adds to the channels. What has no name
     may also be a course (n,) by which the front wheels turn further, times its only parameter: `steers`; or a side
     force at the C.G., N, and a yaw moment, N m (n, 2): `pushes`.
@@ -60,3 +76,6 @@ class Effect(NamedTuple):
     shows: Shows | None = None
     steers: Floats | None = None
     pushes: Floats | None = None
+    source: str = ""
+    needs: tuple[Excitation, ...] = ()
+    like: tuple[str, ...] = ()

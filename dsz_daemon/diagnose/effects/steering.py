@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsz_daemon.diagnose.effects.row import CAR, Effect, Parameter, even
+from dsz_daemon.diagnose.effects.row import CAR, LATERAL, SPEED, STEERING_RATE, YAW_RATE, Effect, Parameter, even
 
 STEERING_DELAY = Effect(
     "steering_delay",
@@ -10,6 +10,8 @@ STEERING_DELAY = Effect(
     "reading(t) = delta(t - d)",
     CAR,
     (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.005),),
+    source="a transport delay",
+    needs=(STEERING_RATE,),
 )
 
 STEERING_OFFSET = Effect(
@@ -18,6 +20,8 @@ STEERING_OFFSET = Effect(
     "delta = delta_sensor / ratio + delta_0",
     CAR,
     even("offset_rad", "rad", 0.005, 0.1, 3e-4),
+    source="ISO 8855",
+    needs=(SPEED,),
 )
 
 STEERING_RATIO = Effect(
@@ -26,6 +30,8 @@ STEERING_RATIO = Effect(
     "delta = delta_sensor / (ratio (1 + k + k_1 |delta_sensor|))",
     CAR,
     (Parameter("scale", "1", 0.05, -0.4, 0.4, 0.006), Parameter("per_rad", "1/rad", 0.03, -0.2, 0.2, 0.004)),
+    source="ISO 8855",
+    needs=(YAW_RATE,),
 )
 
 STEERING_COMPLIANCE = Effect(
@@ -34,6 +40,9 @@ STEERING_COMPLIANCE = Effect(
     "delta -= k F_yf",
     CAR,
     (Parameter("rad_per_n", "rad/N", 5e-7, 0.0, 1e-5, 1e-7),),
+    source="a spring; Milliken and Milliken, Race Car Vehicle Dynamics",
+    needs=(LATERAL,),
+    like=("mass_loading", "cornering_stiffness"),
 )
 
 STEERING_BACKLASH = Effect(
@@ -42,4 +51,6 @@ STEERING_BACKLASH = Effect(
     "delta follows within +- width/2",
     CAR,
     (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),),
+    source="dry play: what drags stands while what it drags may move",
+    needs=(STEERING_RATE,),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dsz_daemon.diagnose.effects.row import CAR, WHEELS, Effect, Parameter
+from dsz_daemon.diagnose.effects.row import CAR, LATERAL, LONGITUDINAL, STEERING_RATE, WHEELS, Effect, Parameter
 
 # How sharply force bends to its limit, and of how much of that drive and brakes take their share.
 _CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
@@ -18,6 +18,9 @@ CORNERING_STIFFNESS = Effect(
         Parameter("front_scale", "1", 0.1, -0.6, 1.5, 0.02),
         Parameter("rear_scale", "1", 0.1, -0.6, 1.5, 0.02),
     ),
+    source="Pacejka, Tire and Vehicle Dynamics, chapter 1",
+    needs=(LATERAL,),
+    like=("mass_loading", "steering_compliance"),
 )
 
 TYRE_SATURATION = Effect(
@@ -26,6 +29,8 @@ TYRE_SATURATION = Effect(
     "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z)",
     CAR,
     (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3), *_CURVE),
+    source="between a brush (Pacejka, Tire and Vehicle Dynamics, chapter 3) and a clamp",
+    needs=(LATERAL,),
 )
 
 LOW_FRICTION = Effect(
@@ -39,6 +44,8 @@ LOW_FRICTION = Effect(
         Parameter("start_s", "s", 5.0, 0.0, 1e5, math.inf),
         Parameter("end_s", "s", 5.0, 0.0, 1e5, math.inf),
     ),
+    source="between a brush (Pacejka, Tire and Vehicle Dynamics, chapter 3) and a clamp",
+    needs=(LATERAL,),
 )
 
 TYRE_RELAXATION = Effect(
@@ -47,6 +54,8 @@ TYRE_RELAXATION = Effect(
     "sigma F' = v (F_static - F)",
     CAR,
     (Parameter("relaxation_length_m", "m", 0.5, 0.0, 4.0, 0.06),),
+    source="Pacejka, Tire and Vehicle Dynamics, chapter 7",
+    needs=(STEERING_RATE,),
 )
 
 WHEEL_SLIP = Effect(
@@ -65,4 +74,6 @@ WHEEL_SLIP = Effect(
         Parameter("ahead_load_m", "m", 0.2, 0.0, 1.2, math.inf),
         Parameter("side_load_m", "m", 0.2, 0.0, 1.2, math.inf),
     ),
+    source="slip as its force; Pacejka, Tire and Vehicle Dynamics",
+    needs=(LONGITUDINAL,),
 )

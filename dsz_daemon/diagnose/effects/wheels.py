@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsz_daemon.diagnose.effects.row import CAR, WHEELS, Effect, Parameter, even
+from dsz_daemon.diagnose.effects.row import CAR, LONGITUDINAL, SPEED, WHEELS, YAW_RATE, Effect, Parameter, even
 
 WHEEL_RADIUS = Effect(
     "wheel_radius",
@@ -10,6 +10,8 @@ WHEEL_RADIUS = Effect(
     "v = (1 + k) r omega",
     WHEELS,
     even("fl fr rl rr", "1", 0.01, 0.15, 8e-4),
+    source="rolling",
+    needs=(SPEED,),
 )
 
 TRACK_WIDTH = Effect(
@@ -18,6 +20,8 @@ TRACK_WIDTH = Effect(
     "v = v_x -+ r track / 2",
     WHEELS,
     even("front rear", "1", 0.05, 0.5, 0.01),
+    source="a rigid body",
+    needs=(YAW_RATE,),
 )
 
 WHEEL_SPEED_DELAY = Effect(
@@ -26,4 +30,6 @@ WHEEL_SPEED_DELAY = Effect(
     "reading(t) = v(t - d)",
     CAR,
     (Parameter("delay_s", "s", 0.02, -0.02, 0.5, 0.008),),
+    source="a transport delay",
+    needs=(LONGITUDINAL,),
 )

@@ -14,7 +14,6 @@ from dsz_daemon.diagnose.fitting.descent import Place
 from dsz_daemon.diagnose.fitting.dives import noise_of_a_dive
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
 from dsz_daemon.diagnose.fitting.model import (
-    _GRIP_FORM,
     DRAWN,
     GRIP,
     IMU,
@@ -46,6 +45,8 @@ from dsz_daemon.diagnose.surroundings.smooth_roads import (
 
 # No effect of a real car is to the letter what the simulation makes of it.
 _EFFECT_FORM = 0.03
+# Least of all the limit of grip: every tyre has a curve of its own.
+_GRIP_FORM = 0.1
 # Nor is what has no name just what the simplest of a library makes of it, from inputs with their noise.
 _SHAPE_FORM = 0.1
 # And its parameter is so uncertain at least.

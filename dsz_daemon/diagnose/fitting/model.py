@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.body import MASS_LOADING
 from dsz_daemon.diagnose.effects.nuisances import FORM, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.effects.row import Parameter
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, COLUMNS, INDEX, NUISANCES
@@ -20,14 +21,15 @@ from dsz_daemon.diagnose.surroundings.profiles import Felt
 
 # The channel that a profile is taken from.
 OWN_CHANNEL = {"road_bank": 0, "road_grade": 1, "side_wind": 4}
+# Of the channels the upright accelerometer, and how many are the IMU's.
 UPRIGHT, IMU = 5, 6
 TILTS = frozenset({"road_bank", "road_grade"})
 # When a slippery stretch begins and ends.
 MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").parameters if p.name.endswith("_s"))
-# Least of all the limit of grip: every tyre has a curve of its own.
-_GRIP_FORM, GRIP = 0.1, {"low_friction", "tyre_saturation"}
+# Where grip ends.
+GRIP = {"low_friction", "tyre_saturation"}
 # No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
-SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
+SAME_TURN = frozenset({MASS_LOADING.name, *MASS_LOADING.like})
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 

@@ -9,7 +9,7 @@ import numpy as np
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained
-from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, SAME_TURN, Fit
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.fitting.mounts import MOUNT
 from dsz_daemon.diagnose.fitting.without import without
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
@@ -25,13 +25,6 @@ _NEAR = 0.75
 # name takes the place of none.
 _NEVER = frozenset({*OWN_CHANNEL, *GRIP})
 _NO_RIVALS = _NEVER | {effect.name for effect in NAMELESS}
-# Beside wheel speeds that are late an IMU that smooths looks like front wheels that lag, which have no name; and while
-# a road is not told yet, one that smooths may gain much less than one that is late.
-_AS_LATE = {
-    "steering_lag": frozenset({"sensor_bandwidth", "imu_delay"}),
-    "imu_delay": frozenset({"sensor_bandwidth"}),
-    "sensor_bandwidth": frozenset({"imu_delay"}),
-}
 # A mount that is turned, beside leaks of the accelerometers, is leaks of the gyros beside others of theirs.
 _LEAKS, _OF_FORCES = "gyro_cross_axis", "accel_cross_axis"
 # What a load does to how a car turns, as two; and so little less it may gain than both.
@@ -53,15 +46,16 @@ def in_its_place(
 ) -> list[Step]:
     """What rivals of an effect gain more than it does (or less, below 0) beside all else in the model, the most first.
 
-    Those that came near it when it was chosen, what turns a car as it does, and leaks for a turned mount. What is
-    implausible there is none, and what is not told: of neither, nor in place of that, is anything said.
+    Those that came near it when it was chosen, what is `like` it (while a road is not told yet, an IMU that smooths may
+    gain much less than one that is late), and leaks for a turned mount. What is implausible there is none, and what is
+    not told: of neither, nor in place of that, is anything said.
     """
     if effect in _NEVER or not is_told(drive, best, effect):
         return []
     first = {step.effect: step for step in reversed(rivals)}
     least = _NEAR * first[effect].gain
     near = {name for name, step in first.items() if step.gain > least and name not in _NO_RIVALS}
-    near |= SAME_TURN if effect in SAME_TURN else _AS_LATE.get(effect, frozenset())
+    near |= set(drive.vocabulary.described(effect).like)
     near |= {_LEAKS} if effect == MOUNT and _OF_FORCES in best.effects else set()
 
     def fit(name: str, each: Each) -> Fit:

@@ -107,6 +107,7 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
         group,
         others,
         _to_drive_next(found, effect, group, each),
+        described.source,
     )
 
 

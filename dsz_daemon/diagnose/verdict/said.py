@@ -22,7 +22,7 @@ class Value(NamedTuple):
 class Cause(NamedTuple):
     """One effect that earns its place on unseen data; `gain` in log likelihood, `probability` of its alias group.
 
-    `elsewhere`: what it gains where whole manoeuvres, or recordings, are unseen.
+    `source`: where its equation is from; `elsewhere`: what it gains where whole manoeuvres, or recordings, are unseen.
     """
 
     effect: str
@@ -35,6 +35,7 @@ class Cause(NamedTuple):
     indistinguishable_from: list[str]
     alternatives: list[dict[str, float | str]]
     next_manoeuvre: str | None
+    source: str = ""
 
 
 class ParameterError(NamedTuple):
