@@ -46,7 +46,7 @@ def test_what_is_like_another_is_named_by_it_too(effect: Effect) -> None:
 
 
 def test_a_drive_straight_ahead_lacks_bends() -> None:
-    """At 15 m/s and a little more, with hardly any steering: r = v delta / L, more with softer rear tyres; a_y = v r."""
+    """At 15 m/s and a little more, with hardly any steering: r = v delta / L, more with soft rear tyres; a_y = v r."""
     speed = 15.0 + np.sin(0.2 * T)
     one = drive({}, speed, 1e-5 * np.sin(0.5 * T))
     why = {row["effect"]: row["why"] for row in untested.untested(found(one), map)}
