@@ -126,7 +126,7 @@ def test_what_had_to_go_may_come_back_beside_what_came_later(monkeypatch: pytest
         return len(looked) == 2
 
     for room in ("trials", "smaller"):
-        monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_at_first)
+        monkeypatch.setattr(f"dsz_daemon.diagnose.selection.{room}.is_implausible", is_implausible_at_first)
     search = found(drive({"wheel_radius.rl": -0.01, "gyro_scale.y": 0.0, "accel_scale.y": 0.05}, CITY_V, CITY_STEER))
     assert len(looked) > 1
     assert {"wheel_radius", "accel_scale"} <= set(search.best.effects)
@@ -142,7 +142,7 @@ def test_of_two_that_can_not_be_beside_each_other_the_one_stays_that_explains_mo
         return effect == "accel_scale" and "wheel_radius" in fit.effects
 
     for room in ("trials", "smaller"):
-        monkeypatch.setattr(f"dsz_daemon.diagnose.{room}.is_implausible", is_implausible_beside)
+        monkeypatch.setattr(f"dsz_daemon.diagnose.selection.{room}.is_implausible", is_implausible_beside)
     search = found(drive({"accel_scale.y": scale, "wheel_radius.rl": -radius}, CITY_V, CITY_STEER))
     assert search.best.effects[0] == stays
     assert not {"accel_scale", "wheel_radius"} <= set(search.best.effects)

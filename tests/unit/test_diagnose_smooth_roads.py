@@ -186,7 +186,8 @@ def test_a_leans_spread_has_in_it_what_the_smooth_road_tells(
     # Honestly counted: rows that hang together count as one, however much more the fit listens to them.
     by_road = rows_as_one(bent) * smooth_roads.SURER / lean.squares[0, 0]
     assert told == pytest.approx(by_road, rel=0.6)
-    monkeypatch.setattr("dsz_daemon.diagnose.fitting.fit.leans_on_a_bank", lambda effects: False)
+    for room in ("fit", "judgement"):
+        monkeypatch.setattr(f"dsz_daemon.diagnose.fitting.{room}.leans_on_a_bank", lambda effects: False)
     # By the kernel's own formulas all else is to the last digit, and would tell more than it does of any car.
     assert float(exactly(one, rows, larger, TOLERANCE).covariance[at, at]) < 0.5 * told
 
