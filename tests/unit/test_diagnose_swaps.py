@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.selection import trials as trials_module
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.selection.starts import starts_of
-from dsz_daemon.diagnose.selection.swaps import a_load_instead, a_scale_instead, in_its_place
+from dsz_daemon.diagnose.selection.swaps import a_load_instead, in_its_place, one_for_two
 from dsz_daemon.diagnose.selection.trials import Step, Trial, two_instead
 from dsz_daemon.diagnose.shapes.unlisted import as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -310,31 +310,31 @@ def test_one_gyro_that_shows_less_is_likelier_than_a_ratio_and_tracks() -> None:
     one, rows, level, both = with_a_scale(gyro_scale__z=-0.06)
     for name in ("steering_ratio.scale", "track_width.front", "track_width.rear"):
         assert both.x[INDEX[name]] == pytest.approx(0.06, abs=0.02)
-    scaled = a_scale_instead(one, rows, level, both, TOLERANCE, map)
+    scaled = one_for_two(one, rows, level, both, "gyro_scale", TOLERANCE, map)
     assert scaled is not None
     # What does nothing beside it is gone, too.
     assert scaled.fit.effects == ("gyro_scale",)
     assert scaled.fit.x[INDEX["gyro_scale.z"]] == pytest.approx(-0.06, abs=0.003)
     assert scaled.gain > -3.0
     for effects in (("steering_ratio",), ("track_width",), (*both.effects, "gyro_scale")):
-        assert a_scale_instead(one, rows, level, both._replace(effects=effects), TOLERANCE, map) is None
+        assert one_for_two(one, rows, level, both._replace(effects=effects), "gyro_scale", TOLERANCE, map) is None
 
 
 def test_a_ratio_and_tracks_that_are_others_are_no_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     one, rows, level, both = with_a_scale(steering_ratio__scale=0.08, track_width__front=0.03, track_width__rear=0.03)
-    assert a_scale_instead(one, rows, level, both, TOLERANCE, map) is None
+    assert one_for_two(one, rows, level, both, "gyro_scale", TOLERANCE, map) is None
     one, rows, level, both = with_a_scale(gyro_scale__z=-0.06)
     for gain, there in ((-2.9, True), (-3.1, False)):
         monkeypatch.setattr(swaps_module, "_more", lambda *_, gain=gain: gain)
-        assert (a_scale_instead(one, rows, level, both, TOLERANCE, map) is not None) is there
+        assert (one_for_two(one, rows, level, both, "gyro_scale", TOLERANCE, map) is not None) is there
     # Nor has all that gains little beside it to go, if together it is as much as both.
     monkeypatch.setattr(swaps_module, "_more", lambda *given: 0.0 if "wheel_square" in given[3].effects else -3.1)
-    kept = a_scale_instead(one, rows, level, both, TOLERANCE, map)
+    kept = one_for_two(one, rows, level, both, "gyro_scale", TOLERANCE, map)
     assert kept is not None
     assert (kept.fit.effects, kept.gain) == (("wheel_square", "gyro_scale"), 0.0)
     monkeypatch.setattr(swaps_module, "_more", lambda *_: 5.0)
     monkeypatch.setattr(swaps_module, "is_implausible", lambda *_: True)
-    assert a_scale_instead(one, rows, level, both, TOLERANCE, map) is None
+    assert one_for_two(one, rows, level, both, "gyro_scale", TOLERANCE, map) is None
 
 
 def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
@@ -344,7 +344,7 @@ def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
     found = Search(
         one, rows, level, both, {e: (Step(e, g, both),) for e, g in gains.items()}, gains, {e: {} for e in gains}
     )
-    said = search_module._with_a_scale(found, TOLERANCE, map)
+    said = search_module._with_one_for_two(found, "gyro_scale", TOLERANCE, map)
     assert said.best.effects == ("imu_delay", "gyro_scale")
     assert said.gains["imu_delay"] == 500.0
     assert said.gains["gyro_scale"] >= 900.0 - 3.0
@@ -353,7 +353,7 @@ def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
         ("gyro_scale", said.gains["gyro_scale"])
     ]
     alone = found._replace(best=both._replace(effects=("imu_delay",)))
-    assert search_module._with_a_scale(alone, TOLERANCE, map) is alone
+    assert search_module._with_one_for_two(alone, "gyro_scale", TOLERANCE, map) is alone
     assert "gyro_scale" in search_module._kept(found, TOLERANCE, map).best.effects
 
 
@@ -457,3 +457,31 @@ def test_of_these_the_answer_names_the_other_too() -> None:
     told = answered(found(drive(LEAKS, CITY_V, CITY_STEER)))
     [one] = [cause for cause in told.causes if cause.effect != "accel_cross_axis"]
     assert {one.effect, *one.indistinguishable_from} == {"gyro_cross_axis", "imu_misalignment"}
+
+
+BOTH_LEAKS = ("accel_cross_axis", "gyro_cross_axis")
+
+
+def with_leaks(**left_out: float) -> tuple[Drive, Rows, Fit, Fit]:
+    """A car of which leaks of both kinds are told."""
+    one = drive({name.replace("__", "."): value for name, value in left_out.items()}, CITY_V, CITY_STEER)
+    rows, [level, both] = fits(one, (), BOTH_LEAKS)
+    return one, rows, level, both
+
+
+def test_a_mount_that_is_turned_is_likelier_than_leaks_of_both_kinds() -> None:
+    turn = {f"imu_misalignment__{axis}_rad": value for axis, value in (("roll", 0.03), ("pitch", -0.02), ("yaw", 0.04))}
+    one, rows, level, both = with_leaks(**turn)
+    for name, value in (("accel_cross_axis.xy", 0.04), ("gyro_cross_axis.xz", 0.02), ("gyro_cross_axis.yz", 0.03)):
+        assert both.x[INDEX[name]] == pytest.approx(value, abs=0.004)
+    mounted = one_for_two(one, rows, level, both, "imu_misalignment", TOLERANCE, map)
+    assert mounted is not None
+    assert mounted.fit.effects == ("imu_misalignment",)
+    for name, value in turn.items():
+        assert mounted.fit.x[INDEX[name.replace("__", ".")]] == pytest.approx(value, abs=0.003)
+
+
+def test_leaks_that_no_turn_makes_are_no_mount() -> None:
+    """An accelerometer's axes that stand askew, and a gyro's: what one leaks to the other comes back alike."""
+    one, rows, level, both = with_leaks(accel_cross_axis__xy=0.03, accel_cross_axis__yx=0.03, gyro_cross_axis__xz=0.03)
+    assert one_for_two(one, rows, level, both, "imu_misalignment", TOLERANCE, map) is None

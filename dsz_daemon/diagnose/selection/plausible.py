@@ -17,14 +17,15 @@ from dsz_daemon.diagnose.fitting.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
 from dsz_daemon.diagnose.simulation.loads import LOAD
-from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.prediction import ALONG, predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.wheel_readings import locks_in_front
 from dsz_daemon.diagnose.surroundings.unfelt_banks import YAW_GYRO, is_unfelt
-from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, rises_and_falls, way_of
+from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, goes_by_the_speed, rises_and_falls, way_of
 from dsz_daemon.diagnose.surroundings.winds import follows_the_car
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -85,7 +86,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect == "track_width" and _holds_wheels_together(drive, fit):
         return True
     if effect == "road_grade" and climbs_unfelt(drive):
-        return not rises_and_falls(way_of(drive), fit.road.grade_rad)
+        return not rises_and_falls(way_of(drive), fit.road.grade_rad) or _is_of_the_speed(drive, rows, fit)
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
@@ -103,6 +104,14 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if may_be_that and not is_told(drive, fit, effect):
         return True
     return _ends(drive, fit, effect)
+
+
+def _is_of_the_speed(drive: Drive, rows: Rows, fit: Fit) -> bool:
+    """Whether what an accelerometer takes for a grade goes by the speed."""
+    if fit.along is None:
+        return False
+    level_mps2 = fit.left[:, ALONG] + motion.G * fit.road.grade_rad[rows.at]
+    return goes_by_the_speed(drive, rows, level_mps2, fit.along[0])
 
 
 def is_told(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -36,7 +36,7 @@ from dsz_daemon.diagnose.selection.smaller import (
     worth_now,
 )
 from dsz_daemon.diagnose.selection.starts import starts_of
-from dsz_daemon.diagnose.selection.swaps import a_load_instead, a_scale_instead, in_its_place
+from dsz_daemon.diagnose.selection.swaps import ONE_FOR_TWO, a_load_instead, in_its_place, one_for_two
 from dsz_daemon.diagnose.selection.trials import (
     SURELY,
     Step,
@@ -99,8 +99,7 @@ def searched(
     say("refitting offsets and what has a tolerance")
     nominal = _refitted(drive, rows, tolerance, each)
     best, rivals, gains = nominal, {}, dict[str, float]()
-    elsewhere: dict[str, dict[str, float]] = {}
-    shapes: list[Found] = []
+    elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
     refused, waits, known = set[str](), frozenset[str](), None
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS:
@@ -122,10 +121,12 @@ def searched(
         shaped = _nameless(trial, tried, gains, each)
         two = two_instead(trial, screening, tried, refused, shaped[-1], each) if shaped is not None else []
         if shaped is not None and not two:
-            drive, best, shape = shaped
+            before, (drive, best, shape) = best, shaped
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
             gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
+            best = Grown(drive, rows, tolerance, before, best, each).without_idle(gains)
+            gains = {effect: gains[effect] for effect in best.effects}
             # One that had to go may come back.
             shapes += [] if name in {known.effect.name for known in shapes} else [shape]
             nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
@@ -151,9 +152,8 @@ def searched(
         gains[tried[0].effect] = tried[0].gain
         best = grown.without_idle(gains)
         best, wrong = plausible(drive, rows, before, best, tolerance, each)
-        known = grown.known if best is now else None
         # Of the same model two may drive each other out for ever.
-        refused = wrong | (refused if best is before else set())
+        refused, known = wrong | (refused if best is before else set()), grown.known if best is now else None
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
     return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
@@ -221,28 +221,27 @@ def _with_a_load(found: Search, tolerance: Mapping[str, float], each: Each) -> S
     )
 
 
-def _with_a_scale(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
-    """The search with a yaw gyro's scale for what one does to ratio and tracks at once, where that is as good."""
-    scaled = a_scale_instead(found.drive, found.rows, found.nominal, found.best, tolerance, each)
-    if scaled is None:
+def _with_one_for_two(found: Search, one: str, tolerance: Mapping[str, float], each: Each) -> Search:
+    """The search with one cause for what it does as two, where that is as good."""
+    instead = one_for_two(found.drive, found.rows, found.nominal, found.best, one, tolerance, each)
+    if instead is None:
         return found
-    new, gone = scaled.effect, set(found.best.effects) - set(scaled.fit.effects)
-    before = sum(found.gains[effect] for effect in gone)
-    stays = [effect for effect in scaled.fit.effects if effect != new]
+    gone = set(found.best.effects) - set(instead.fit.effects)
+    gain = instead.gain + sum(found.gains[effect] for effect in gone)
+    stays = [effect for effect in instead.fit.effects if effect != one]
     return found._replace(
-        best=scaled.fit,
-        gains={**{effect: found.gains[effect] for effect in stays}, new: before + scaled.gain},
-        rivals={
-            **{effect: found.rivals[effect] for effect in stays},
-            new: (scaled._replace(gain=before + scaled.gain),),
-        },
-        elsewhere={**{effect: found.elsewhere[effect] for effect in stays}, new: {}},
+        best=instead.fit,
+        gains={**{effect: found.gains[effect] for effect in stays}, one: gain},
+        rivals={**{effect: found.rivals[effect] for effect in stays}, one: (instead._replace(gain=gain),)},
+        elsewhere={**{effect: found.elsewhere[effect] for effect in stays}, one: {}},
     )
 
 
 def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
     """One cause for two where it does what both do, without trifles, and what was found of them."""
-    found = _with_a_load(_with_a_scale(found, tolerance, each), tolerance, each)
+    for one in ONE_FOR_TWO:
+        found = _with_one_for_two(found, one, tolerance, each)
+    found = _with_a_load(found, tolerance, each)
     gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
     best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
     best = without_idle_shapes(found.drive, found.rows, best, tolerance, each)

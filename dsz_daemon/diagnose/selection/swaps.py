@@ -30,8 +30,12 @@ _LEAKS, _OF_FORCES = "gyro_cross_axis", "accel_cross_axis"
 # What a load does to how a car turns, as two; and so little less it may gain than both.
 _TYRES = "cornering_stiffness"
 _A_LOADS, _ALIKE = frozenset({_TYRES, "yaw_inertia"}), 3.0
-# A yaw gyro that shows less, as two: a car that turns less by its steering, and by the difference of its wheels.
-_SCALE, _A_SCALES = "gyro_scale", frozenset({"steering_ratio", "track_width"})
+# One cause, as two. A yaw gyro that shows less: a car that turns less by its steering, and by the difference of its
+# wheels. A mount that is turned: what leaks between accelerometers, and between gyros.
+ONE_FOR_TWO = {
+    "gyro_scale": frozenset({"steering_ratio", "track_width"}),
+    MOUNT: frozenset({_LEAKS, _OF_FORCES}),
+}
 
 
 def in_its_place(
@@ -109,24 +113,25 @@ def a_load_instead(
     return Step(LOAD, gain, there) if gain > -_ALIKE and not is_implausible(drive, rows, there, LOAD) else None
 
 
-def a_scale_instead(
-    drive: Drive, rows: Rows, nominal: Fit, best: Fit, tolerance: Mapping[str, float], each: Each
+def one_for_two(
+    drive: Drive, rows: Rows, nominal: Fit, best: Fit, one: str, tolerance: Mapping[str, float], each: Each
 ) -> Step | None:
-    """A yaw gyro's scale in place of a ratio and tracks that are both others, and of all that does nothing beside it.
+    """One in place of the two that come to the same (`ONE_FOR_TWO`), and of all that does nothing beside it.
 
     With what it gains more; None if that is less: one cause is likelier than two that come to the same.
     """
-    if not set(best.effects) >= _A_SCALES or _SCALE in best.effects:
+    two = ONE_FOR_TWO[one]
+    if not set(best.effects) >= two or one in best.effects:
         return None
     start = best.x.copy()
-    start[[i for effect in _A_SCALES for i in drive.vocabulary.columns_of(effect)]] = 0.0
-    effects = (*(one for one in best.effects if one not in _A_SCALES), _SCALE)
+    start[[i for effect in two for i in drive.vocabulary.columns_of(effect)]] = 0.0
+    effects = (*(other for other in best.effects if other not in two), one)
     there = fitted(drive, rows, start, effects, tolerance, each=each, felt=best.felt)
-    if (gain := _more(drive, nominal, best, there)) < -_ALIKE or is_implausible(drive, rows, there, _SCALE):
+    if (gain := _more(drive, nominal, best, there)) < -_ALIKE or is_implausible(drive, rows, there, one):
         return None
     for effect in effects[:-1]:
         rest = without(drive, rows, there, tolerance, (effect,), each)
         more = _more(drive, nominal, best, rest)
         if gained(drive, rest, there) < LEAST_GAIN and more > -_ALIKE:
             there, gain = rest, more
-    return Step(_SCALE, gain, there)
+    return Step(one, gain, there)

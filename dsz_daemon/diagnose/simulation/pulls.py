@@ -35,6 +35,12 @@ def by_force(x: Floats, std: Floats, columns: Sequence[int]) -> Floats | None:
     return found
 
 
+def pulled_rad(x: Floats, v_rate: Floats) -> Floats:
+    """By what a car that goes faster, or slower (n,), m/s^2, turns its front wheels (n,); roughly, by no force."""
+    drive, brake = (float(x[i]) for i in PULLS)
+    return np.asarray(drive * np.maximum(v_rate, 0.0) + brake * np.minimum(v_rate, 0.0))
+
+
 def offset_by_a_pull_rad(x: Floats) -> float:
     """What of an offset of the steering it may be."""
     return _COASTS_MPS2 * float(np.max(np.abs(x[list(PULLS)])))

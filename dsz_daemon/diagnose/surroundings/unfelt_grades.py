@@ -36,6 +36,8 @@ _REACH_M = (20.0, 40.0, 80.0, 160.0, 320.0)
 _NOISE = (0.03, 0.1, 0.3, 1.0)
 # A road that is one turns so often from up to down or back, by this share of its rms; what warms up or drifts does not.
 _TURNS, _TURN = 3, 0.5
+# Knots of a course over the speed, and how many rows each is nothing by itself.
+_KNOT_MPS, _KNOTS_MOST, _KNOT_ROWS = 1.5, 40, 5.0
 
 
 def climbs_unfelt(drive: Drive) -> bool:
@@ -173,6 +175,31 @@ def rises_and_falls(way: Way, grade_rad: Floats) -> bool:
     grade_rad, piece = grade_rad[there], way.piece[way.cell[there]]
     least = _TURN * float(np.std(grade_rad))
     return sum(_turns(grade_rad[piece == k].tolist(), least) for k in np.unique(piece)) >= _TURNS
+
+
+def goes_by_the_speed(drive: Drive, rows: Rows, left_mps2: Floats, by_place: Floats) -> bool:
+    """Whether speed tells more of what the accelerometer shows beyond a level road (k,) than place does.
+
+    A course over the speed, straight between knots, is told on blocks that it has not seen, of which a road leaves
+    `by_place` (b,): squares, there over all that are compared. What shakes goes by the speed, and a road does not.
+    """
+    speed = np.nan_to_num(np.mean(drive.wheels, axis=1))[rows.at]
+    used = rows.used[:, ALONG] & (speed > motion.ROLLING_MPS)
+    if np.count_nonzero(used) <= _KNOTS_MOST:
+        return False
+    speed, left, block = speed[used], left_mps2[used] - np.mean(left_mps2[used]), rows.block[used]
+    most = float(speed.max()) - motion.ROLLING_MPS
+    knots = min(math.ceil(most / _KNOT_MPS) + 1, _KNOTS_MOST)
+    at = (speed - motion.ROLLING_MPS) * ((knots - 1) / max(most, 1e-9))
+    courses = np.maximum(1.0 - np.abs(at[:, np.newaxis] - np.arange(knots)), 0.0)
+    squares, cross = courses.T @ courses + _KNOT_ROWS * np.eye(knots), courses.T @ left
+    unseen = 0.0
+    for b in np.unique(block):
+        mine = block == b
+        own = courses[mine]
+        k = np.linalg.solve(squares - own.T @ own, cross - own.T @ left[mine])
+        unseen += float(np.sum((left[mine] - own @ k) ** 2))
+    return bool(unseen / np.count_nonzero(used) < by_place.sum() / np.count_nonzero(rows.used[:, ALONG]))
 
 
 def _turns(values: Sequence[float], least: float) -> int:

@@ -13,6 +13,7 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import told_from
 from dsz_daemon.diagnose.fitting.model import GRIP, values_of
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.plausible import wheels_differ
@@ -20,7 +21,8 @@ from dsz_daemon.diagnose.selection.screening import NEVER_SCREENED
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.smaller import unfelt_roads
 from dsz_daemon.diagnose.simulation import motion
-from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.pulls import pulled_rad
 from dsz_daemon.diagnose.verdict.aliases import MUCH_MPS2, alternatives
 from dsz_daemon.diagnose.verdict.manoeuvres import next_manoeuvre
 from dsz_daemon.diagnose.verdict.numbers import (
@@ -46,6 +48,8 @@ _EVEN_ODDS_GAIN = 10.0
 _LEAST_WIND_N = 25.0
 # Nor is it one that pushes no more than so many times what the steering's resolution does: half a degree is 13 N.
 _BEYOND_STEPS = 3.0
+# Nor less than so much of what pulls the car aside as it is driven, or braked.
+_OF_A_PULL = 0.25
 # So much of how a car follows its road is not in its recording.
 _LIFTS_NOTHING = 0.7
 # Of roads without their gyros.
@@ -69,7 +73,7 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
     share = _ALONE if surely and is_alone else 1.0
     least = {p.name: share * p.least for p in described.parameters}
     if effect == "side_wind":
-        least["rms_n"] = _least_wind_n(found.drive)
+        least["rms_n"] = _least_wind_n(found.drive, found.best.x)
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
     judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
     spreads = _OF_WHAT_IS_SURE if surely else LEAST_SPREADS
@@ -123,14 +127,25 @@ def _takes_back(found: Search) -> bool:
     )
 
 
-def _least_wind_n(drive: Drive) -> float:
-    """The least rms of a side force that is a wind; rounding by e pushes the front axle by C_f e of each tyre."""
-    rounding_rad = drive.recording.rounding_rad
-    if rounding_rad is None:
-        return _LEAST_WIND_N
+def _least_wind_n(drive: Drive, x: Floats) -> float:
+    """The least rms of a side force that is a wind.
+
+    Rounding by e pushes the front axle by C_f e of each tyre; so does what turns the wheels as the car is driven, or
+    braked, of which no simulation knows all.
+    """
     moving = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS
-    rms_rad = float(np.sqrt(np.mean(np.nan_to_num(rounding_rad[:, moving]) ** 2))) if moving.any() else 0.0
-    return max(_LEAST_WIND_N, _BEYOND_STEPS * 2.0 * drive.car.front_cornering_stiffness_n_per_rad * rms_rad)
+    if not moving.any():
+        return _LEAST_WIND_N
+    rounding_rad = drive.recording.rounding_rad
+    steps = np.zeros((1, len(moving))) if rounding_rad is None else np.nan_to_num(rounding_rad)
+    v_rate = filtered(np.gradient(np.mean(drive.wheels, axis=1), DT_S), filter_kernel())
+    steps_rad, pull_rad = _rms(steps[:, moving]), _rms(pulled_rad(x, v_rate)[moving])
+    per_rad = 2.0 * drive.car.front_cornering_stiffness_n_per_rad
+    return max(_LEAST_WIND_N, per_rad * max(_BEYOND_STEPS * steps_rad, _OF_A_PULL * pull_rad))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _to_drive_next(found: Search, effect: str, group: list[str], each: Each) -> str | None:
