@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive
@@ -11,6 +13,7 @@ from dsz_daemon.diagnose.effects.shape_names import MOMENT, REAR, STEERING, TYRE
 from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
+from dsz_daemon.diagnose.selection import search as search_module
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.smaller import asked_of
@@ -293,6 +296,30 @@ def test_what_pushes_is_a_force_and_a_moment_of_its_place() -> None:
         assert with_shapes([effect.name]) == {"gyro_z", "accel_y"}
     assert not is_of_the_car("gyro_z: k*c")
     assert not is_of_the_car("steering_ratio")
+
+
+@pytest.mark.parametrize(
+    ("one", "first", "shape"),
+    [
+        (turned("vx*vy", -2e-3), "steering_ratio", "steering: k*vx*vy"),
+        (pushed(REAR, "vx*delta", 0.008), "mass_loading", "rear steering: k*vx*delta"),
+    ],
+)
+def test_a_name_that_came_before_a_shape_goes_where_it_does_nothing_beside_it(
+    monkeypatch: pytest.MonkeyPatch, one: Drive, first: str, shape: str
+) -> None:
+    """What turns the car is looked for a step too late: a name is there already, and has nothing left to do."""
+    nameless, before = search_module._nameless, list[tuple[str, ...]]()
+
+    def late(trial: Any, *given: Any) -> Any:
+        before.append(trial.best.effects)
+        return nameless(trial, *given) if trial.best.effects else None
+
+    monkeypatch.setattr(search_module, "_nameless", late)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert before[1] == (first,)
+    assert found.best.effects == (shape,)
+    assert set(found.gains) == set(found.rivals) == {shape}
 
 
 @pytest.mark.parametrize("v", [np.zeros(N), CITY_V])

@@ -372,7 +372,8 @@ def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) 
     assert not given
     assert "without a name" not in " ".join(said)
     # One that gains enough is taken itself.
-    given.append((one, level, shape._replace(gain=1e6)))
+    there, fit, _ = search_module._shaped(one, rows, level, shape, TOLERANCE, map)
+    given.append((there, fit, shape._replace(gain=1e6)))
     searched(one, rows, TOLERANCE, said.append)
     assert "gyro_z has a shape without a name: k*ay^3" in said
 

@@ -26,6 +26,7 @@ from dsz_daemon.diagnose.surroundings.unfelt_grades import (
     cell_means,
     climbs_unfelt,
     evenly_by,
+    goes_by_the_speed,
     rises_and_falls,
     way_of,
 )
@@ -128,6 +129,40 @@ def test_what_the_accelerometer_shows_by_itself_is_no_hill(more_mps2: np.ndarray
     said = answered(found(showing(more_mps2)))
     assert "road_grade" not in {cause.effect for cause in said.causes}
     assert said.verdict != "consistent"
+
+
+@pytest.mark.parametrize(("mid_mps", "wide_mps"), [(12.0, 3.0), (16.0, 4.0), (10.0, 2.5)])
+def test_what_shakes_at_a_speed_is_no_road(mid_mps: float, wide_mps: float) -> None:
+    """An engine's vibration, rectified: as smooth over the way as a hill is, but always at the same speed."""
+    one = showing(0.35 * np.exp(-(((CITY_V - mid_mps) / wide_mps) ** 2)))
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
+    assert rises_and_falls(way_of(one), fit.road.grade_rad)
+    assert is_implausible(one, rows, fit, "road_grade")
+    assert "road_grade" not in found(one).best.effects
+    hills = climbing({})
+    fit = fitted(hills, rows_of(hills), nothing(), ("road_grade",), TOLERANCE)
+    assert not is_implausible(hills, rows_of(hills), fit, "road_grade")
+
+
+def test_a_course_over_the_speed_is_told_on_what_it_has_not_seen() -> None:
+    """Twelve rounds between 5 and 15 m/s: a course of the speed is told by the others, one of the time is not."""
+    one, rows = (
+        drive({}, 10.0 + 5.0 * np.sin(2.0 * np.pi * T / 5.0), CITY_STEER),
+        rows_of(drive({}, CITY_V, CITY_STEER)),
+    )
+    speed = np.mean(one.wheels, axis=1)[rows.at]
+    course, rng = np.abs(speed - 9.0) - 2.0, np.random.default_rng(3)
+    blocks, used = int(rows.block[-1]) + 1, np.count_nonzero(rows.used[:, ALONG])
+    for left, rms, is_speed in (
+        (course, 0.2, True),
+        (course, 0.01, False),
+        (course + rng.normal(0.0, 0.5, len(course)), 0.55, True),
+        (course + rng.normal(0.0, 0.5, len(course)), 0.45, False),
+        (np.sin(0.3 * rows.at * DT_S), 0.5, False),
+    ):
+        by_place = np.full(blocks, used * rms**2 / blocks)
+        assert goes_by_the_speed(one, rows, left, by_place) is is_speed
 
 
 def test_on_a_level_road_nothing_is_said() -> None:
