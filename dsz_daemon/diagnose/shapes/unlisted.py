@@ -7,7 +7,7 @@ the shape's. A shape is said only if it beats, on unseen blocks, what every name
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -126,15 +126,21 @@ def best_shape(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> Found | 
     return max(found, key=lambda shape: shape.gain) if found else None
 
 
-def unlisted(drive: Drive, rows: Rows, fit: Fit, there: Sequence[Found] = ()) -> list[Shape]:
-    """The shapes that are in the model, and the best one of each other channel in which structure is left."""
+def unlisted(
+    drive: Drive,
+    rows: Rows,
+    fit: Fit,
+    there: Sequence[Found] = (),
+    is_enough: Callable[[Found], bool] = lambda _: True,
+) -> list[Shape]:
+    """The shapes that are in the model, and the best one of what is left in each other channel, where it `is_enough`."""
     shapes = []
     for found in there:
         [i] = drive.vocabulary.columns_of(found.effect.name)
         value, std = float(fit.x[i]), float(fit.std[fit.columns.index(i)])
         coefficient = Coefficient(value, std, found.effect.parameters[0].unit)
         shapes.append(Shape(found.channel, found.shape, coefficient, found.share))
-    for left in _shapes_of(drive, rows, fit, {found.channel for found in there}):
+    for left in filter(is_enough, _shapes_of(drive, rows, fit, {found.channel for found in there})):
         coefficient = Coefficient(left.value, left.std, left.effect.parameters[0].unit)
         shapes.append(Shape(left.channel, left.shape, coefficient, left.share))
     return shapes

@@ -13,8 +13,9 @@ from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.locate import located
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.search import Search
+from dsz_daemon.diagnose.selection.smaller import asked_of
 from dsz_daemon.diagnose.shapes.eccentric import about_the_middle, circle_of
-from dsz_daemon.diagnose.shapes.unlisted import Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
+from dsz_daemon.diagnose.shapes.unlisted import Found, Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
 from dsz_daemon.diagnose.simulation.drive import Floats
 from dsz_daemon.diagnose.verdict.aliases import same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause_of_another_car
@@ -64,7 +65,12 @@ def answered(
     causes = [*(cause_of_a_fault(fault) for fault in faults), *cause_of_another_car(errors, by_numbers), *causes]
     # A car has many ways to turn a little otherwise.
     there = [shape for shape in found.shapes if not is_of_the_car(shape.effect.name) or shape.effect.name in sure]
-    shapes = [*beside, *unlisted(found.drive, found.rows, found.best, there)]
+
+    def is_enough(left: Found) -> bool:
+        # What is left of a channel that is explained may be how the simulation draws what explains it.
+        return left.channel in unexplained or left.gain >= asked_of(found.drive, left.effect.name, found.gains)
+
+    shapes = [*beside, *unlisted(found.drive, found.rows, found.best, there, is_enough)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
