@@ -530,6 +530,26 @@ def test_a_shape_that_is_left_over_has_the_spread_of_its_regression() -> None:
     assert shape.coefficient.std == pytest.approx(0.01 / (float(np.std(cubed)) * len(left) ** 0.5), rel=0.3)
 
 
+@pytest.mark.parametrize(
+    ("gained_besides", "far_off", "is_said"), [(0.0, 1.0, True), (1e6, 1.0, False), (1e6, 9.0, True)]
+)
+def test_what_is_left_of_a_channel_that_is_explained_has_to_gain_its_share(
+    gained_besides: float, far_off: float, is_said: bool
+) -> None:
+    """A square of the speed in a_z, of its noise's size, beside a scale; where that channel is far off it is said."""
+    rng = np.random.default_rng(2)
+    search = found(drive({"gyro_scale.z": -0.03}, CITY_V, CITY_STEER))
+    assert search.best.effects == ("gyro_scale",)
+    left, squared = search.best.left.copy(), CITY_V[search.rows.at] ** 2
+    course = squared - squared.mean()
+    left[:, 5] = far_off * 0.01 * (rng.standard_normal(len(left)) + course / course.std())
+    search = search._replace(
+        best=search.best._replace(left=left), gains={"gyro_scale": search.gains["gyro_scale"] + gained_besides}
+    )
+    shapes = [(one.channel, one.shape) for one in answered(search).unlisted]
+    assert shapes == ([("accel_z", "k*vx^2")] if is_said else [])
+
+
 def test_what_other_manoeuvres_deny_is_not_named() -> None:
     """Turned by 2 % more in hard bends and by 2 % less in gentle ones is no scale error."""
     v, steer = np.full(N, 12.0), 0.05 * np.sin(0.5 * T) * (np.sin(0.2 * T) > 0.0) + 0.012 * np.sin(0.5 * T)

@@ -133,7 +133,7 @@ def unlisted(
     there: Sequence[Found] = (),
     is_enough: Callable[[Found], bool] = lambda _: True,
 ) -> list[Shape]:
-    """The shapes that are in the model, and the best one of what is left in each other channel, where it `is_enough`."""
+    """The shapes of the model, and the best one of what is left in each other channel, where it `is_enough`."""
     shapes = []
     for found in there:
         [i] = drive.vocabulary.columns_of(found.effect.name)
