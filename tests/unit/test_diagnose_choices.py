@@ -32,6 +32,7 @@ from dsz_daemon.diagnose.simulation import moving as moving_module
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.verdict import answer as answer_module
 from dsz_daemon.diagnose.verdict import numbers
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.grip import over_shapes
@@ -531,10 +532,10 @@ def test_a_shape_that_is_left_over_has_the_spread_of_its_regression() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gained_besides", "far_off", "is_said"), [(0.0, 1.0, True), (1e6, 1.0, False), (1e6, 9.0, True)]
+    ("gained_besides", "unexplained", "is_said"), [(0.0, [], True), (1e6, [], False), (1e6, ["accel_z"], True)]
 )
 def test_what_is_left_of_a_channel_that_is_explained_has_to_gain_its_share(
-    gained_besides: float, far_off: float, is_said: bool
+    monkeypatch: pytest.MonkeyPatch, gained_besides: float, unexplained: list[str], is_said: bool
 ) -> None:
     """A square of the speed in a_z, of its noise's size, beside a scale; where that channel is far off it is said."""
     rng = np.random.default_rng(2)
@@ -542,10 +543,11 @@ def test_what_is_left_of_a_channel_that_is_explained_has_to_gain_its_share(
     assert search.best.effects == ("gyro_scale",)
     left, squared = search.best.left.copy(), CITY_V[search.rows.at] ** 2
     course = squared - squared.mean()
-    left[:, 5] = far_off * 0.01 * (rng.standard_normal(len(left)) + course / course.std())
+    left[:, 5] = 0.01 * (rng.standard_normal(len(left)) + course / course.std())
     search = search._replace(
         best=search.best._replace(left=left), gains={"gyro_scale": search.gains["gyro_scale"] + gained_besides}
     )
+    monkeypatch.setattr(answer_module, "unexplained_of", lambda *_: unexplained)
     shapes = [(one.channel, one.shape) for one in answered(search).unlisted]
     assert shapes == ([("accel_z", "k*vx^2")] if is_said else [])
 
