@@ -56,6 +56,7 @@ TURNS, SIDE = COURSE[:, YAW], COURSE[:, ACROSS]
         ("gyro_y", "delta", CITY_STEER, -0.2),
         ("accel_x", "delta", CITY_STEER, 2.0),
         ("gyro_z", "vx*ay", CITY_V * SIDE, 2e-4),
+        ("gyro_z", "vx*r", CITY_V * TURNS, 4e-3),
         ("gyro_z", "r*|r|", TURNS * np.abs(TURNS), 0.2),
         ("gyro_z", "r^3", TURNS**3, 0.4),
         ("accel_y", "r*|r|", TURNS * np.abs(TURNS), -3.0),
@@ -75,6 +76,12 @@ def test_what_a_sensor_shows_of_products_of_motion_gets_no_name(
     [there] = said.unlisted
     assert (there.channel, there.shape) == (channel, f"k*{shape}")
     assert there.coefficient.value == pytest.approx(k, rel=0.1)
+
+
+def test_forces_that_move_a_gyro_are_no_scale_that_grows_with_the_speed() -> None:
+    """v r is a_y but for v_y': of a gyro that forces move it is a little less than that."""
+    assert found(drive({"gyro_g_sensitivity.zy": 4e-3}, CITY_V, CITY_STEER)).best.effects == ("gyro_g_sensitivity",)
+    assert [channel for channel in IMU_CHANNELS if not is_named("vx*r", channel)] == ["gyro_z"]
 
 
 @pytest.mark.parametrize("channel", ["gyro_z", "accel_y"])

@@ -99,6 +99,8 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         ((RATIO,), set()),
         ((RATIO, BY_SPEED), {RATIO}),
         ((RATIO, "rear steering: k*tanh((vx-15)/7)*delta"), {RATIO}),
+        (("mass_loading", "gyro_scale", "rear steering: k*tanh((vx-15)/7)*delta"), {"mass_loading"}),
+        ((RATIO, "mass_loading", "rear steering: k*delta"), {RATIO, "mass_loading"}),
         ((RATIO, "rear steering: k*delta"), set()),
         ((RATIO, "gyro_z: k*vx^2"), set()),
         ((RATIO, "steering: k*sin(2*hand)"), {RATIO}),

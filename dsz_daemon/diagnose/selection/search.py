@@ -125,8 +125,7 @@ def searched(
             say(f"{shape.channel} has a shape without a name: {shape.shape}")
             name = shape.effect.name
             gains[name], rivals[name], elsewhere[name] = shape.gain, tuple[Step, ...](), {}
-            best = Grown(drive, rows, tolerance, before, best, each).without_idle(gains)
-            gains = {effect: gains[effect] for effect in best.effects}
+            best, gains = Grown(drive, rows, tolerance, before, best, each).what_stays(gains)
             # One that had to go may come back.
             shapes += [] if name in {known.effect.name for known in shapes} else [shape]
             nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))

@@ -126,6 +126,15 @@ class Grown:
             gains[new] = max(gains[new], self._worth(self._without(best, new), best))
         return best
 
+    def what_stays(self, gains: Mapping[str, float]) -> tuple[Fit, dict[str, float]]:
+        """The model without what does nothing beside its newest, a shape, and what the rest gains.
+
+        That is no more than it did without the shape: what a name gains with its help it does not gain by itself.
+        """
+        now = dict(gains)
+        best = self.without_idle(now)
+        return best, {effect: min(gains[effect], now[effect]) for effect in best.effects}
+
     @cached_property
     def known(self) -> Slopes:
         """The slopes of the model as it is now."""

@@ -95,6 +95,7 @@ def library(moving: Moving, drive: Drive) -> dict[str, tuple[Floats, str]]:
         "sign(ay)": (np.tanh(side / _STUCK_MPS2), ""),
         "ay*|ay|": (side * np.abs(side), "m2/s4"),
         "vx*ay": (v * side, "m2/s3"),
+        "vx*r": (v * r, "m rad/s2"),
         "ax*ay": (v_rate * side, "m2/s4"),
         "r": (r, "rad/s"),
         "|r|": (np.abs(r), "rad/s"),
@@ -113,10 +114,12 @@ def library(moving: Moving, drive: Drive) -> dict[str, tuple[Floats, str]]:
 def is_named(shape: str, channel: str) -> bool:
     """Whether what a channel shows of a shape has a name: what the steering turns a car by is its ratio's.
 
-    And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none. What is another
+    And what one gyro shows of another, a leak's; an accelerometer that shows a turn by itself has none. v r is a_y but
+    for how the car slides: only the yaw gyro, whose scale may go by the speed, tells these apart. What is another
     sensor's own, unevenly, is not looked for here.
     """
     named = (shape == "delta" and channel in {"gyro_z", "accel_y"}) or (shape == "r" and channel.startswith("gyro"))
+    named |= shape == "vx*r" and channel != "gyro_z"
     return named or is_anothers(shape, channel)
 
 

@@ -42,9 +42,10 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     shapes = [(place, course) for place, _, course in (effect.partition(SHAPE) for effect in said)]
     yaws, slides = ({course for place, course in shapes if place == channel} for channel in ("gyro_z", "accel_y"))
     names = {*_NAMELESS, *parts_of(drive, fit, said)}
-    # What the steering does by the speed is no number that is the same at all of them.
+    # What the steering does by the speed is no number that is the same at all of them, and has a course of its own, of
+    # which tyres or a load take the rest.
     if any(map(steers_by_speed, said)):
-        names |= {"steering_ratio"}
+        names |= {"steering_ratio", *SAME_TURN}
     # Nor has what a sensor shows to one side, or as it warms up, a scale beside it.
     names |= {f"{place.partition('_')[0]}_scale" for place, course in shapes if is_uneven(course)}
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
