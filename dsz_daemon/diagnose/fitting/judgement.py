@@ -68,6 +68,10 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of how much a load turns with a car more is known than its ends: all of it, or nothing.
 _TURNS, _SURER_THAN_ITS_ENDS = INDEX[f"{LOAD}.turns"], 2.0
+# Front wheels that give way are softer tyres, but for how wheels are drawn: by how much is told no better than by so
+# much of what their stiffness may be off.
+_FRONT_STIFFNESS, _OF_A_TOLERANCE = "front_cornering_stiffness_n_per_rad", 0.5
+_COMPLIANCE = INDEX["steering_compliance.rad_per_n"]
 # What simulations hold their inputs for: no delay is surer than that.
 _A_STEP_S = 0.001
 
@@ -121,6 +125,9 @@ def judged_model(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here:
     if "steering_offset" in effects:
         at = columns.index(INDEX["steering_offset.offset_rad"])
         std[at] = math.hypot(std[at], offset_by_a_pull_rad(x))
+    if _COMPLIANCE in columns:
+        at, softer = columns.index(_COMPLIANCE), _OF_A_TOLERANCE * tolerance.get(_FRONT_STIFFNESS, 0.0)
+        std[at] = math.hypot(std[at], softer / (2.0 * drive.car.front_cornering_stiffness_n_per_rad))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, IMU)
         for i, more in zip(words.columns_of("bias_drift")[:IMU], slow.tolist(), strict=True):
