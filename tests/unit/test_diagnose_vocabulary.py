@@ -78,3 +78,15 @@ def test_the_most_there_was_is_that_of_the_motion() -> None:
 @pytest.mark.parametrize(("value", "shown"), [(0.0, 0.0), (2.04, 2.1), (0.0123, 0.013), (15.0, 15.0), (150.1, 160.0)])
 def test_what_stayed_below_a_figure_did(value: float, shown: float) -> None:
     assert untested._rounded_up(value) == pytest.approx(shown)
+
+
+@pytest.mark.parametrize(
+    ("effect", "plain"),
+    [
+        ("tyre_saturation", "friction_coefficient of 1"),
+        ("gyro_scale", "x of 0.03"),
+        ("imu_delay", "delay_s of 0.02 s"),
+    ],
+)
+def test_a_plain_size_is_told_as_the_outside_knows_it(effect: str, plain: str) -> None:
+    assert untested._plain(BUILT_IN.described(effect).parameters[0]) == plain

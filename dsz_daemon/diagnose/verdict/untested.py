@@ -16,6 +16,7 @@ from dsz_daemon.diagnose.effects.row import (
     YAW_ACCELERATION,
     YAW_RATE,
     Excitation,
+    Parameter,
 )
 from dsz_daemon.diagnose.effects.shape_names import is_shape
 from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL
@@ -50,10 +51,18 @@ def untested(found: Search, each: Each) -> list[dict[str, str]]:
         shown = [0.5 * words.columns[columns[i]][1].step ** 2 * power[i] for i in own]
         if max(shown) < LEAST_GAIN:
             name = words.columns[columns[own[int(np.argmax(shown))]]][1]
-            why = f"even {name.name} of {name.step:g} {name.unit} would show by less than noise does on this drive"
+            why = f"even {_plain(name)} would show by less than noise does on this drive"
             lacks = ", ".join(f"{one.words} stayed below {most[one]:.2g} {one.unit}" for one in effect.needs)
             weak.append({"effect": effect.name, "why": f"{lacks}: {why}" if lacks else why})
     return [*weak, *_untold_roads(found.drive)]
+
+
+def _plain(parameter: Parameter) -> str:
+    """A plain size of a parameter, in those that the outside knows."""
+    if parameter.name == "inverse_square":
+        return f"friction_coefficient of {parameter.step**-0.5:g}"
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.name} of {parameter.step:g}{unit}"
 
 
 def _excitation(found: Search) -> dict[Excitation, float]:
