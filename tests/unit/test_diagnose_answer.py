@@ -294,29 +294,35 @@ def test_of_a_climb_that_lifts_no_car_it_is_said(
     assert ("accel_z shows nothing" in cause.statement) is is_said
 
 
-# Of 62 000 N/rad a tyre 1e-4 rad are 12.4 N; as many as 0.001 rad/(m/s2) at 1 m/s2 half of the time are 88 N, rms.
+# Of 62 000 N/rad a tyre 1e-4 rad are 12.4 N; 0.002 rad/(m/s2) at 1 m/s2 half of the time are 175 N, rms.
 @pytest.mark.parametrize(
-    ("rms_n", "rounding_rad", "pull", "is_named"),
+    ("rms_n", "rounding_rad", "pulls", "is_named"),
     [
-        (20.0, 0.0, 0.0, False),
-        (30.0, 0.0, 0.0, True),
-        (36.0, 1e-4, 0.0, False),
-        (39.0, 1e-4, 0.0, True),
-        # A quarter of what pulls it aside as it is driven (88 N); it brakes as often.
-        (40.0, 0.0, 2e-3, False),
-        (48.0, 0.0, 2e-3, True),
-        (30.0, None, 0.0, True),
+        (20.0, 0.0, {}, False),
+        (30.0, 0.0, {}, True),
+        (36.0, 1e-4, {}, False),
+        (39.0, 1e-4, {}, True),
+        # A quarter of what pulls it aside as it is driven (175 N, rms); it brakes as often.
+        (40.0, 0.0, {"drive_steer": 2e-3}, False),
+        (48.0, 0.0, {"drive_steer": 2e-3}, True),
+        (40.0, 0.0, {"brake_steer": -2e-3}, False),
+        (48.0, 0.0, {"brake_steer": -2e-3}, True),
+        # To one side as it is driven, to the other as it is braked: twice the power.
+        (57.0, 0.0, {"drive_steer": 2e-3, "brake_steer": 2e-3}, False),
+        (66.0, 0.0, {"drive_steer": 2e-3, "brake_steer": 2e-3}, True),
+        (30.0, None, {}, True),
     ],
 )
 def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
-    monkeypatch: pytest.MonkeyPatch, rms_n: float, rounding_rad: float | None, pull: float, is_named: bool
+    monkeypatch: pytest.MonkeyPatch, rms_n: float, rounding_rad: float | None, pulls: dict[str, float], is_named: bool
 ) -> None:
     monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_n": (rms_n, None)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
-    # Half of the way the car stands, where rounding pushes nothing; else it goes faster and slower by 1 m/s2.
-    speed = np.concatenate([10.0 + np.abs(np.mod(np.arange(4000) / 100.0, 8.0) - 4.0), np.zeros(4000)])
+    # It goes faster and slower by 1 m/s2, or stands half of the way, where rounding pushes nothing.
+    speed = 10.0 + np.abs(np.mod(np.arange(8000) / 100.0, 8.0) - 4.0)
+    speed[4000:] *= 0.0 if rounding_rad else 1.0
     steps = None if rounding_rad is None else np.array([rounding_rad * np.repeat([1.0, 9.0], 4000)])
     drive = SimpleNamespace(
         vocabulary=BUILT_IN,
@@ -325,8 +331,9 @@ def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
         recording=SimpleNamespace(rounding_rad=steps),
     )
     x = nothing()
-    x[INDEX["drive_steer"]] = pull
-    best = NOTHING._replace(x=x) if hasattr(NOTHING, "_replace") else SimpleNamespace(**{**vars(NOTHING), "x": x})
+    for name, value in pulls.items():
+        x[INDEX[name]] = value
+    best = SimpleNamespace(**vars(NOTHING), x=x)
     search: Any = SimpleNamespace(drive=drive, best=best, gains={"side_wind": 1000.0}, elsewhere={"side_wind": {}})
     cause = causes.cause_of(search, "side_wind")
     assert (cause is not None) is is_named

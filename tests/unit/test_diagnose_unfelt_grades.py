@@ -165,6 +165,15 @@ def test_a_course_over_the_speed_is_told_on_what_it_has_not_seen() -> None:
         assert goes_by_the_speed(one, rows, left, by_place) is is_speed
 
 
+def test_what_was_at_a_speed_once_is_not_told_by_it() -> None:
+    """The car goes faster all the way: what one block shows at its speed no other block has been at."""
+    one = drive({}, 5.0 + 0.35 * T, CITY_STEER)
+    rows = rows_of(one)
+    blocks = int(rows.block[-1]) + 1
+    left = np.where(rows.block % 2 == 0, 1.0, -1.0)
+    assert not goes_by_the_speed(one, rows, left, np.full(blocks, np.count_nonzero(rows.used[:, ALONG]) * 0.8 / blocks))
+
+
 def test_on_a_level_road_nothing_is_said() -> None:
     for seed in (1, 2, 3):
         one = drive({}, CITY_V, CITY_STEER, seed=seed)
