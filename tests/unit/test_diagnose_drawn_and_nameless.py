@@ -18,6 +18,7 @@ from dsz_daemon.diagnose.fitting.model import values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S, Recording
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.smaller import asked_of
 from dsz_daemon.diagnose.simulation.angles import at_a_side, drawn
 from dsz_daemon.diagnose.simulation.drive import nothing
@@ -371,6 +372,21 @@ def test_where_front_wheels_tell_the_speed_their_drawing_moves_all(drawing: str)
     secant = (predicted(one, moved, flat(N)) - base)[rows.at] / moved[i]
     assert np.abs(secant[:, 2]).max() > 0.0
     np.testing.assert_allclose(slope[:, 2], secant[:, 2] * rows.used[:, 2], rtol=1e-9, atol=1e-12)
+
+
+def test_inputs_that_are_all_late_are_no_clock_of_the_imu() -> None:
+    """An IMU that is early by as much is the same, but no clock that goes evenly is off."""
+    late = {"steering_delay.delay_s": 0.08, "wheel_speed_delay.delay_s": 0.1}
+    one = drive(late, CITY_V, CITY_STEER)
+    search = found(one)
+    assert set(search.best.effects) == {"steering_delay", "wheel_speed_delay"}
+    for name, value in late.items():
+        assert search.best.x[INDEX[name]] == pytest.approx(value, abs=0.01)
+    x = nothing()
+    x[INDEX["imu_clock.late_s"]] = -0.1
+    even = fitted(one, search.rows, x, ("imu_clock",), TOLERANCE)
+    assert even.x[INDEX["imu_clock.late_s"]] < -0.05
+    assert is_implausible(one, search.rows, even, "imu_clock")
 
 
 def test_a_clock_that_is_off_is_no_delay() -> None:

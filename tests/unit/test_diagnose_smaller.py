@@ -352,3 +352,20 @@ def test_what_drives_another_out_has_to_explain_more_than_it(
     # Beside what was there before nothing is asked.
     both = before._replace(effects=("imu_delay", "imu_clock"))
     assert plausible(one, rows, before, both, TOLERANCE, map)[0].effects == both.effects
+
+
+def test_with_a_shapes_help_a_name_gains_no_more_than_it_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stays beside a shape has gained what it did, or what it gains now if that is less; what goes, nothing."""
+    now: Any = SimpleNamespace(effects=("gyro_scale", "wheel_radius", "imu_delay", "gyro_z: k*vx"))
+    rest: Any = SimpleNamespace(effects=("gyro_scale", "wheel_radius", "gyro_z: k*vx"))
+
+    def without_idle(_: Grown, gains: dict[str, float]) -> Any:
+        gains |= {"gyro_scale": 900.0, "wheel_radius": 60.0, "imu_delay": 2.0, "gyro_z: k*vx": 300.0}
+        return rest
+
+    monkeypatch.setattr(Grown, "without_idle", without_idle)
+    before = {"gyro_scale": 400.0, "wheel_radius": 80.0, "imu_delay": 50.0, "gyro_z: k*vx": 200.0}
+    none: Any = None
+    best, gains = Grown(none, none, {}, SimpleNamespace(effects=()), now).what_stays(before)  # type: ignore[arg-type]
+    assert best is rest
+    assert gains == {"gyro_scale": 400.0, "wheel_radius": 60.0, "gyro_z: k*vx": 200.0}

@@ -20,7 +20,9 @@ from dsz_daemon.diagnose.effects.row import (
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.search import Search, searched
-from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import untested
 
 NAMED = [effect for effect in BUILT_IN.effects if effect not in NAMELESS]
@@ -71,7 +73,8 @@ def test_the_most_there_was_is_that_of_the_motion() -> None:
     assert most[LATERAL] == pytest.approx(np.nanmax(np.abs(one.measured[at, 4])), rel=0.3)
     assert most[YAW_RATE] == pytest.approx(np.nanmax(np.abs(one.measured[at, 2])), rel=0.15)
     assert most[LONGITUDINAL] == pytest.approx(np.max(np.abs(np.gradient(CITY_V, 0.01))), rel=0.3)
-    assert most[YAW_ACCELERATION] > 0.0
+    turns = predicted(one, nothing(), flat(N))[:, 2]
+    assert most[YAW_ACCELERATION] == pytest.approx(np.max(np.abs(np.gradient(turns, 0.01)[at])), rel=0.1)
     assert most[DURATION] == pytest.approx(N / 100.0, rel=0.1)
 
 

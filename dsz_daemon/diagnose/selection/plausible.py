@@ -97,6 +97,9 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):
         return True
+    # A clock that goes evenly is none: what comes late has a name, and what comes early has inputs that are late.
+    if effect == "imu_clock" and not is_told(drive, fit, effect):
+        return True
     # A C.G. that stands above the way on which a road turns is no arm: on one that tilts that is all an arm may be.
     may_be_that = effect == "imu_lever_arm" and bool(TILTS & set(fit.effects))
     # Nor is a tyre's curve a steering, beside a limit of its grip.
