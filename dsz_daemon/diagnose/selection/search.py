@@ -48,6 +48,7 @@ from dsz_daemon.diagnose.selection.trials import (
     two_at_once,
     two_instead,
 )
+from dsz_daemon.diagnose.selection.two_roads import both_roads
 from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
 from dsz_daemon.diagnose.shapes.unlisted import BY_CHANCE, Found
@@ -130,7 +131,12 @@ def searched(
             shapes += [] if name in {known.effect.name for known in shapes} else [shape]
             nominal = nominal._replace(x=np.pad(nominal.x, (0, len(best.x) - len(nominal.x))))
             continue
-        tried = two or enough(tried) or two_at_once(trial, screening, starts, refused, each)
+        tried = (
+            two
+            or both_roads(trial, tried, refused, each)
+            or enough(tried)
+            or two_at_once(trial, screening, starts, refused, each)
+        )
         if (not tried or tried[0].gain < beside) and (anew := _with_wind_anew(trial, each)) is not None:
             best = anew
             continue

@@ -328,7 +328,7 @@ def two_at_once(
         for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]
     ]
     pairs = [(pair, trial.best.x) for pair in (*roads, *screening.pairs(off, each)[:_PAIRS])]
-    tried = _tried_at_once(trial, (*winds, *pairs), refused, each)
+    tried = tried_at_once(trial, (*winds, *pairs), refused, each)
     return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
 
 
@@ -351,7 +351,7 @@ def two_instead(
             more = [(first, other) for other in others if other != first]
             instead += [pair for pair in more if set(pair) not in map(set, instead)]
         instead += [(other,) for other in others if other not in known]
-    found = _tried_at_once(trial, [(names, trial.best.x) for names in instead], refused, each)
+    found = tried_at_once(trial, [(names, trial.best.x) for names in instead], refused, each)
     already = len(trial.best.effects)
 
     def is_better(step: Step) -> bool:
@@ -363,7 +363,8 @@ def two_instead(
     return [step for step in found if is_better(step)]
 
 
-def _tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], each: Each) -> list[Step]:
+def tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], each: Each) -> list[Step]:
+    """All of these really fitted, but for what is `refused`, and judged; the most first."""
     fits = each(trial.fit, [start for start in starts if not set(start[0]) & refused])
     return sorted(_judged(trial, fits, each), key=lambda step: -step.gain)
 
