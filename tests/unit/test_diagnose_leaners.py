@@ -56,6 +56,6 @@ def test_a_search_ends_without_what_leans(monkeypatch: pytest.MonkeyPatch) -> No
     before = searched(one, rows, TOLERANCE)
     assert set(before.best.effects) == {"accel_scale", "gyro_cross_axis"}
     monkeypatch.setattr(smaller_module, "is_told", lambda _, __, effect: effect != "accel_scale")
-    monkeypatch.setattr(smaller_module, "_BY_ITSELF", 1e9)
+    monkeypatch.setattr(smaller_module, "BY_ITSELF", 1e9)
     monkeypatch.setattr(smaller_module, "told_from", lambda *_: 1e9)
     assert searched(one, rows, TOLERANCE).best.effects == ("accel_scale",)

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.shapes.unlisted import pull_shapes
 from dsz_daemon.diagnose.simulation.drive import nothing
-from dsz_daemon.diagnose.simulation.pulls import BY_FORCE, PULLS, by_force
+from dsz_daemon.diagnose.simulation.pulls import BY_FORCE, PULLS, by_force, pulled_rad
 from dsz_daemon.diagnose.simulation.rolling import Slip, rolling
 
 
@@ -67,3 +67,9 @@ def test_what_is_little_or_not_sure_is_none(place: int, value: float, std: float
         assert found[BY_FORCE] == 1.0
         assert found[PULLS[place]] == value
     assert by_force(x, np.zeros(0), ()) is None
+
+
+def test_a_pull_turns_the_wheels_by_what_drives_and_by_what_brakes() -> None:
+    x = nothing()
+    x[list(PULLS)] = 2e-3, 5e-4
+    np.testing.assert_allclose(pulled_rad(x, np.array([1.5, 0.0, -4.0])), [3e-3, 0.0, -2e-3], rtol=1e-12)

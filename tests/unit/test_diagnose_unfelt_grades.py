@@ -163,6 +163,8 @@ def test_a_course_over_the_speed_is_told_on_what_it_has_not_seen() -> None:
     ):
         by_place = np.full(blocks, used * rms**2 / blocks)
         assert goes_by_the_speed(one, rows, left, by_place) is is_speed
+        # Whatever an offset adds.
+        assert goes_by_the_speed(one, rows, left + 50.0, by_place) is is_speed
 
 
 def test_what_was_at_a_speed_once_is_not_told_by_it() -> None:

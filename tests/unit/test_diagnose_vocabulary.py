@@ -24,6 +24,7 @@ from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import untested
+from dsz_daemon.diagnose.verdict.answer import answered
 
 NAMED = [effect for effect in BUILT_IN.effects if effect not in NAMELESS]
 T = np.arange(N) / 100.0
@@ -93,3 +94,8 @@ def test_what_stayed_below_a_figure_did(value: float, shown: float) -> None:
 )
 def test_a_plain_size_is_told_as_the_outside_knows_it(effect: str, plain: str) -> None:
     assert untested._plain(BUILT_IN.described(effect).parameters[0]) == plain
+
+
+def test_a_cause_says_where_its_equation_is_from() -> None:
+    [cause] = answered(found(drive({"tyre_relaxation.relaxation_length_m": 0.8}, CITY_V, CITY_STEER))).causes
+    assert (cause.effect, cause.source) == ("tyre_relaxation", "Pacejka, Tire and Vehicle Dynamics, chapter 7")

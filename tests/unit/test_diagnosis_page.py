@@ -13,6 +13,7 @@ import pytest
 from diagnosis_page_cases import EVIL, NAN, cause, diagnosis, drive, fit, taken_apart
 from report_cases import Page, assert_offline
 
+from dsz_daemon.report.diagnosis_cards import cause_card
 from dsz_daemon.report.diagnosis_channels import channels_of
 from dsz_daemon.report.diagnosis_page import diagnosis_page
 from dsz_daemon.report.diagnosis_words import end_of, is_spin, sentence, spins_of
@@ -391,3 +392,12 @@ def test_what_is_left_is_taken_while_driving_a_second_from_slow_and_from_the_end
         assert at_s[0] == pytest.approx(11.0, abs=0.02)
         assert at_s[-1] == pytest.approx(58.99, abs=0.02)
         assert np.all(np.isnan(channel.after[~channel.used]))
+
+
+@pytest.mark.parametrize(
+    ("source", "shown"), [("Newton", "a_IMU = a + w' x rho (Newton)"), ("", "a_IMU = a + w' x rho")]
+)
+def test_an_equation_says_where_it_is_from(source: str, shown: str) -> None:
+    card = cause_card(cause(source=source), 1)
+    [equation] = [part for part in card.iter("p") if part.get("class") == "equation"]
+    assert "".join(equation.itertext()) == shown

@@ -52,7 +52,7 @@ _SHARE_OF_SPEED = 0.05
 _SHARE_OF_STEERING, _PLACE_AND_TIME = 0.25, {"imu_lever_arm", "imu_delay", "sensor_bandwidth"}
 
 # What gains so much stands by itself.
-_BY_ITSELF = 100.0
+BY_ITSELF = 100.0
 _WIND = "side_wind"
 _INSTRUMENTS = ("gyro", "accel")
 
@@ -241,7 +241,7 @@ def without_leaners(
     """
     names = [effect for effect in best.effects if not is_shape(effect)]
     silent = {effect for effect in names if not is_told(drive, best, effect)}
-    weak = [effect for effect in names if effect not in silent and gains[effect] < _BY_ITSELF]
+    weak = [effect for effect in names if effect not in silent and gains[effect] < BY_ITSELF]
     if not silent or not weak:
         return best
     rest = without(drive, rows, best, tolerance, silent, each)
@@ -264,7 +264,7 @@ def without_courses(
     A shape is the simplest of a library. Between a square and a cube it leaves what a scale does, too.
     """
     shaped = with_shapes(best.effects)
-    for effect in [name for name in best.effects if not is_shape(name) and gains[name] < _BY_ITSELF]:
+    for effect in [name for name in best.effects if not is_shape(name) and gains[name] < BY_ITSELF]:
         instrument = effect.partition("_")[0]
         channels = [channel for channel in shaped if instrument in _INSTRUMENTS and channel.startswith(instrument)]
         if not channels:

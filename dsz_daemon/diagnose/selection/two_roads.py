@@ -9,13 +9,14 @@ from dsz_daemon.diagnose.fitting.model import TILTS
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.screening import feels
+from dsz_daemon.diagnose.selection.smaller import BY_ITSELF
 from dsz_daemon.diagnose.selection.trials import Step, Trial, tried_at_once
 from dsz_daemon.diagnose.simulation.drive import CHANNELS
 
 # What shows a road's gravity.
 _ALONG, _ACROSS = CHANNELS.index("accel_x"), CHANNELS.index("accel_y")
-# What gains so much by itself comes first; and both roads have to gain so many times what does.
-_BY_ITSELF, _SO_MUCH_MORE = 100.0, 3.0
+# Both roads have to gain so many times what something gains alone.
+_SO_MUCH_MORE = 3.0
 
 
 def both_roads(trial: Trial, tried: Sequence[Step], refused: set[str], each: Each) -> list[Step]:
@@ -25,7 +26,7 @@ def both_roads(trial: Trial, tried: Sequence[Step], refused: set[str], each: Eac
     """
     drive, best = trial.drive, trial.best
     alone, off = max((step.gain for step in tried), default=0.0), far_off(drive, best)
-    if TILTS & set(best.effects) or alone > _BY_ITSELF or not (off[_ALONG] and off[_ACROSS]):
+    if TILTS & set(best.effects) or alone > BY_ITSELF or not (off[_ALONG] and off[_ACROSS]):
         return []
     if not all(feels(drive, trial.rows, best, road) for road in sorted(TILTS)):
         return []
