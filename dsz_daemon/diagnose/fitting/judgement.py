@@ -14,6 +14,7 @@ from dsz_daemon.diagnose.fitting.descent import Place
 from dsz_daemon.diagnose.fitting.dives import noise_of_a_dive
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
 from dsz_daemon.diagnose.fitting.model import (
+    BESIDE_TYRES,
     DRAWN,
     GRIP,
     IMU,
@@ -68,8 +69,7 @@ _CHANCE, _NOISE_ROWS = 2.0, 5.0
 _ABOVE_THE_WAY_M, _ARM_UP = 0.4, INDEX["imu_lever_arm.z_m"]
 # Of how much a load turns with a car more is known than its ends: all of it, or nothing.
 _TURNS, _SURER_THAN_ITS_ENDS = INDEX[f"{LOAD}.turns"], 2.0
-# Front wheels that give way are softer tyres, but for how wheels are drawn: by how much is told no better than by so
-# much of what their stiffness may be off.
+# How far front wheels give way is told no better than by so much of what their tyres' stiffness may be off.
 _FRONT_STIFFNESS, _OF_A_TOLERANCE = "front_cornering_stiffness_n_per_rad", 0.5
 _COMPLIANCE = INDEX["steering_compliance.rad_per_n"]
 # What simulations hold their inputs for: no delay is surer than that.
@@ -125,9 +125,6 @@ def judged_model(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here:
     if "steering_offset" in effects:
         at = columns.index(INDEX["steering_offset.offset_rad"])
         std[at] = math.hypot(std[at], offset_by_a_pull_rad(x))
-    if _COMPLIANCE in columns:
-        at, softer = columns.index(_COMPLIANCE), _OF_A_TOLERANCE * tolerance.get(_FRONT_STIFFNESS, 0.0)
-        std[at] = math.hypot(std[at], softer / (2.0 * drive.car.front_cornering_stiffness_n_per_rad))
     if "bias_drift" in effects:
         slow = slope_of_slow_noise(rows, left, per_row, IMU)
         for i, more in zip(words.columns_of("bias_drift")[:IMU], slow.tolist(), strict=True):
@@ -138,13 +135,28 @@ def judged_model(drive: Drive, rows: Rows, tolerance: Mapping[str, float], here:
         std[columns.index(i)] = OF_ITSELF * x[i]
     known = (x, std, effects, left, scatter, per_row, found, columns, unseen, here.road, form, together, here.felt)
     fit = Fit(*known, covariance, here.felt.unseen_along(x, rows))
-    if LOAD not in effects:
-        return fit
-    ends = {columns.index(_TURNS): (0.0, words.columns[_TURNS][1].high)}
-    names = [words.columns[i][1].name for i in columns]
-    ends |= {at: (-tolerance[name], tolerance[name]) for at, name in enumerate(names) if tolerance.get(name)}
-    values, spreads = between_ends(x[list(columns)], covariance, ends)
-    return fit._replace(between=(values, np.hypot(spreads, OF_ITSELF * values)))
+    return fit._replace(between=_beside_tyres(drive, fit, tolerance)) if BESIDE_TYRES & set(effects) else fit
+
+
+def _beside_tyres(drive: Drive, fit: Fit, tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """Values and spreads (p,) that are told of what turns a car as its tyres do, whose stiffness may be off by much.
+
+    A load is what is between the ends of that. Front wheels that give way are softer tyres, but for how wheels are
+    drawn.
+    """
+    columns, parameters = fit.columns, drive.vocabulary.columns
+    values, spreads = fit.x[list(columns)], fit.std
+    if LOAD in fit.effects:
+        ends = {columns.index(_TURNS): (0.0, parameters[_TURNS][1].high)}
+        names = [parameters[i][1].name for i in columns]
+        ends |= {at: (-tolerance[name], tolerance[name]) for at, name in enumerate(names) if tolerance.get(name)}
+        values, spreads = between_ends(values, fit.covariance, ends)
+        spreads = np.hypot(spreads, OF_ITSELF * values)
+    softer_rad_per_n = (
+        _OF_A_TOLERANCE * tolerance.get(_FRONT_STIFFNESS, 0.0) / (2.0 * getattr(drive.car, _FRONT_STIFFNESS))
+    )
+    is_compliance = np.array(columns) == _COMPLIANCE
+    return values, np.where(is_compliance, np.hypot(spreads, softer_rad_per_n), spreads)
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -10,12 +10,12 @@ import numpy as np
 from dsz_daemon.diagnose.effects.body import MASS_LOADING
 from dsz_daemon.diagnose.effects.nuisances import FORM, OFFSETS, TOLERATED
 from dsz_daemon.diagnose.effects.row import Parameter
+from dsz_daemon.diagnose.effects.steering import STEERING_COMPLIANCE
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, COLUMNS, INDEX, NUISANCES
 from dsz_daemon.diagnose.fitting.limits import room_of_limits
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.evidence import Box, Sums
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
-from dsz_daemon.diagnose.simulation.loads import LOAD
 from dsz_daemon.diagnose.simulation.road import Profiles
 from dsz_daemon.diagnose.surroundings.profiles import Felt
 
@@ -30,6 +30,8 @@ MOMENTS = tuple(("low_friction", p) for p in BUILT_IN.described("low_friction").
 GRIP = {"low_friction", "tyre_saturation"}
 # No recording of yaw rate and lateral acceleration can split these: they turn the car alike.
 SAME_TURN = frozenset({MASS_LOADING.name, *MASS_LOADING.like})
+# Of these numbers what tyres may be off by leaves much open.
+BESIDE_TYRES = frozenset({MASS_LOADING.name, STEERING_COMPLIANCE.name})
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 
@@ -40,8 +42,8 @@ class Fit(NamedTuple):
     `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
     `along`: of a grade that no gyro feels (b,), on unseen blocks, and how many rows of it count as one.
-    `is_exact`: judged by the slopes of its end, not of where it came from. `between` (p,): values and spreads beside
-    a load, by where tolerances end.
+    `is_exact`: judged by the slopes of its end, not of where it came from. `between` (p,): values and spreads that
+    are told of a load or a compliance, by how far off tyres may be.
     """
 
     x: Floats
@@ -115,9 +117,11 @@ def room(drive: Drive, x: Floats, columns: Sequence[int], tolerance: Mapping[str
     return box
 
 
-def values_of(drive: Drive, fit: Fit, effect: str) -> dict[str, tuple[float, float]]:
-    """(value, spread) of each parameter of an effect."""
-    values, spreads = fit.between if effect == LOAD and fit.between else (fit.x[list(fit.columns)], fit.std)
+def values_of(drive: Drive, fit: Fit, effect: str, *, as_fitted: bool = False) -> dict[str, tuple[float, float]]:
+    """(value, spread) of each parameter of an effect, as they are told; or `as_fitted`, whatever tyres may be."""
+    values, spreads = fit.x[list(fit.columns)], fit.std
+    if effect in BESIDE_TYRES and fit.between is not None and not as_fitted:
+        values, spreads = fit.between
     own = drive.vocabulary.columns_of(effect) if effect else NUISANCES
     there = [(fit.columns.index(i), drive.vocabulary.columns[i][1].name) for i in own if i in fit.columns]
     return {name: (float(values[place]), float(spreads[place])) for place, name in there}

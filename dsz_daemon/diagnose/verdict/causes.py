@@ -9,6 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import CAR, WHEELS
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
+from dsz_daemon.diagnose.effects.steering import STEERING_COMPLIANCE
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import told_from
@@ -74,8 +75,9 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
     least = {p.name: share * p.least for p in described.parameters}
     if effect == "side_wind":
         least["rms_n"] = _least_wind_n(found.drive, found.best.x)
-    # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one.
-    judged = values_of(found.drive, found.best, effect) if effect in GRIP else values
+    # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one; nor do tyres a compliance.
+    as_fitted = effect in GRIP or effect == STEERING_COMPLIANCE.name
+    judged = values_of(found.drive, found.best, effect, as_fitted=True) if as_fitted else values
     spreads = _OF_WHAT_IS_SURE if surely else LEAST_SPREADS
     judged = {name: told for name, told in judged.items() if math.isfinite(least.get(name, math.inf))}
     named = [abs(value) >= max(least[name], spreads * (std or 0.0)) for name, (value, std) in judged.items()]
