@@ -15,7 +15,7 @@ import pytest
 from dsz_daemon import diagnose as api
 from dsz_daemon.cli import main
 from dsz_daemon.core.parameters import Car
-from dsz_daemon.diagnose.fitting.judgement import _covariance
+from dsz_daemon.diagnose.fitting.spreads import covariance_of
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Rows
 from dsz_daemon.diagnose.residuals.evidence import (
     Box,
@@ -361,11 +361,11 @@ def test_a_spread_is_that_of_whole_blocks() -> None:
     """Errors that are the same all through a block: sum of (25 c_b)^2 over the square of 500, by hand."""
     errors = np.random.default_rng(6).normal(size=20)
     found = one_slope(np.ones(500), np.repeat(errors, 25))
-    [[variance]] = _covariance(found, np.ones(13), ONE.weight, np.zeros((20, 13)), np.full((20, 13), 9.0))
+    [[variance]] = covariance_of(found, np.ones(13), ONE.weight, np.zeros((20, 13)), np.full((20, 13), 9.0))
     assert variance == pytest.approx(float(np.sum((25.0 * errors) ** 2)) / 500.0**2)
     # White errors of the same size: their mean square over the rows; the blocks' sums say no more than that.
     found = one_slope(np.ones(500), np.tile([1.0, -1.0], 250))
-    [[variance]] = _covariance(found, np.ones(13), ONE.weight, np.zeros((20, 13)), np.ones((20, 13)))
+    [[variance]] = covariance_of(found, np.ones(13), ONE.weight, np.zeros((20, 13)), np.ones((20, 13)))
     assert variance == pytest.approx(1.0 / 500.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting import spreads
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import rows_of
@@ -40,7 +40,7 @@ def test_a_cg_above_a_road_that_turns_is_no_lever_arm(monkeypatch: pytest.Monkey
     rows = rows_of(one)
     assert searched(one, rows, TOLERANCE).best.effects == ("road_bank",)
     # As if all heights of a C.G. were none, the IMU stands on a mast.
-    monkeypatch.setattr(judgement, "_ABOVE_THE_WAY_M", 0.0)
+    monkeypatch.setattr(spreads, "_ABOVE_THE_WAY_M", 0.0)
     found = searched(one, rows, TOLERANCE).best
     assert set(found.effects) == set(BOTH)
     assert found.x[Z] == pytest.approx(ABOVE_M, rel=0.2)
@@ -54,7 +54,7 @@ def test_nor_is_one_above_a_climb_that_turns(monkeypatch: pytest.MonkeyPatch) ->
     one.measured[:, 3] -= ABOVE_M * np.gradient(np.gradient(BANK_RAD, DT_S), DT_S)
     rows = rows_of(one)
     assert searched(one, rows, TOLERANCE).best.effects == ("road_grade",)
-    monkeypatch.setattr(judgement, "_ABOVE_THE_WAY_M", 0.0)
+    monkeypatch.setattr(spreads, "_ABOVE_THE_WAY_M", 0.0)
     found = searched(one, rows, TOLERANCE).best
     assert set(found.effects) == {"road_grade", "imu_lever_arm"}
     assert found.x[Z] == pytest.approx(ABOVE_M, rel=0.2)

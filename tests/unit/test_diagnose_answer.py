@@ -210,7 +210,7 @@ def test_a_small_gain_of_numbers_that_may_be_nothing_has_no_name(
     monkeypatch: pytest.MonkeyPatch, gain: float, std: float, is_named: bool
 ) -> None:
     values = {axis: (0.03 if axis == "z" else 0.0, std) for axis in "xyz"}
-    monkeypatch.setattr(causes, "values_told", lambda *_: values)
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: values)
     monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
@@ -242,7 +242,7 @@ def test_what_a_shape_of_the_car_may_be_has_a_name_only_where_it_is_told(
     monkeypatch: pytest.MonkeyPatch, effect: str, beside: str, std: float, is_named: bool
 ) -> None:
     name = "scale" if effect == "steering_ratio" else "z"
-    monkeypatch.setattr(causes, "values_told", lambda *_: {name: (-0.05, std)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {name: (-0.05, std)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
@@ -267,7 +267,8 @@ def test_wheels_that_differ_by_what_is_worth_a_name_have_one(
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
     search = radii_of([*radii, radii[1], radii[1]], 1e-10 * np.eye(4))
-    search.rows, search.best.std, search.best.effects = None, np.full(4, 1e-5), ("wheel_radius",)
+    search.rows, search.best.effects = None, ("wheel_radius",)
+    search.best.std, search.best.told = np.full(4, 1e-5), None
     search.gains, search.elsewhere = {"wheel_radius": 600.0}, {"wheel_radius": {}}
     assert (causes.cause_of(search, "wheel_radius") is not None) is is_named
 
@@ -276,7 +277,7 @@ def test_wheels_that_differ_by_what_is_worth_a_name_have_one(
 def test_of_a_climb_that_lifts_no_car_it_is_said(
     monkeypatch: pytest.MonkeyPatch, flat_roads: float, is_said: bool
 ) -> None:
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_rad": (0.02, 0.001)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"rms_rad": (0.02, 0.001)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "told_from", lambda *_: 20.0)
@@ -316,7 +317,7 @@ def test_of_a_climb_that_lifts_no_car_it_is_said(
 def test_a_breath_of_air_is_no_wind_nor_is_what_the_steerings_steps_push(
     monkeypatch: pytest.MonkeyPatch, rms_n: float, rounding_rad: float | None, pulls: dict[str, float], is_named: bool
 ) -> None:
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_n": (rms_n, None)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"rms_n": (rms_n, None)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
@@ -358,7 +359,7 @@ def test_radii_are_told_against_their_mean_where_their_factor_may_be_anything() 
     values = dict.fromkeys(("fl", "fr", "rl", "rr"), (-0.06, 0.05))
     search.rows = search.best.road = None
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(numbers, "values_of", lambda *_: values)
+        patched.setattr(numbers, "values_of", lambda *_, **__: values)
         assert numbers.values_told(search, "wheel_radius")["rl"][0] == pytest.approx(0.002)
     # Sure to 0.001: that the factor is nearly 1 is told then.
     assert not numbers.shares_a_factor(radii_of([0.01, 0.0, -0.01, 0.0], 0.001**2 * np.eye(4)))
@@ -435,7 +436,7 @@ def test_how_a_body_shakes_is_no_doubt_of_wheels(monkeypatch: pytest.MonkeyPatch
 def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"x": (0.1, 0.03), "y": (0.0, 0.03), "z": (0.0, 0.03)})
     doubts: list[float] = []
 
     def alternatives(_: Any, __: str, doubt: float = 1.0) -> tuple[list[str], list[Any]]:
@@ -460,7 +461,7 @@ def test_where_a_channel_is_not_explained_more_has_to_be_gained(
     # The alternatives are weighed by it.
     assert doubts == [2.0]
     # What has no formula fits nearly anything.
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"rms_rad": (0.02, None)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"rms_rad": (0.02, None)})
     assert told(79.0, 2.0, "road_bank") is None
     assert told(81.0, 2.0, "road_bank") is not None
 
@@ -481,7 +482,7 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
     monkeypatch: pytest.MonkeyPatch, std: float, is_named: bool
 ) -> None:
     """1.2 +- 0.3 is four spreads off none; over all curves it is +- 1.0."""
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"inverse_square": (1.1, 1.0)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"inverse_square": (1.1, 1.0)})
     monkeypatch.setattr(causes, "values_of", lambda *_, **__: {"inverse_square": (1.2, std), "sharpness": (0.0, 9.0)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
@@ -521,7 +522,7 @@ def test_a_mount_that_an_offset_takes_back_is_none(
     # Of the other axis, which is not turned, an offset is an offset.
     offsets = {"offset_accel_x": (0.5, 0.1), "offset_accel_y": (0.5, 0.1)}
     offsets[f"offset_{channel}"] = (sign * offset_mps2, 0.1)
-    monkeypatch.setattr(causes, "values_told", lambda *_: values)
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: values)
     monkeypatch.setattr(numbers, "values_of", lambda *_: offsets)
     monkeypatch.setattr(numbers, "told_road", lambda *_: (None, (0.0, 0.0)))
     monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
@@ -571,7 +572,7 @@ def test_an_instrument_that_alone_is_wrong_is_told_from_half(
 def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
     monkeypatch: pytest.MonkeyPatch, gain: float, delay_s: float, effects: tuple[str, ...], is_named: bool
 ) -> None:
-    monkeypatch.setattr(causes, "values_told", lambda *_: {"delay_s": (delay_s, 0.001)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"delay_s": (delay_s, 0.001)})
     monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
@@ -598,7 +599,7 @@ def test_what_alone_surely_is_there_has_a_name_from_half_of_the_size(
 def test_wheels_that_alone_slip_do_so_from_half_of_the_size(
     monkeypatch: pytest.MonkeyPatch, effect: str, parameter: str, value: float, is_named: bool
 ) -> None:
-    monkeypatch.setattr(causes, "values_told", lambda *_: {parameter: (value, 1e-4)})
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {parameter: (value, 1e-4)})
     for nothing_else in ("wheels_differ", "shares_a_factor"):
         monkeypatch.setattr(causes, nothing_else, lambda *_: False)
     monkeypatch.setattr(causes, "on_the_clock", lambda _, there: there)

@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fitting import judgement
 from dsz_daemon.diagnose.fitting.descent import loss_of
 from dsz_daemon.diagnose.fitting.fit import fitted
-from dsz_daemon.diagnose.fitting.judgement import _covariance
+from dsz_daemon.diagnose.fitting.spreads import covariance_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Rows, _per_step, residual, rows_of
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows, quick_length
@@ -70,7 +70,7 @@ def test_the_steerings_steps_last_in_the_scatter_of_each_block() -> None:
     lasting = np.zeros((20, 13))
     lasting[:, 0] = 250.0 * np.where(np.arange(20) < 10, 4.0, 9.0)
     box = Box(*np.array([[-1e6], [1e6], [1e-9]]))
-    [[variance]] = _covariance(weighed, np.ones(13), box.weight, lasting, np.ones((20, 13)))
+    [[variance]] = covariance_of(weighed, np.ones(13), box.weight, lasting, np.ones((20, 13)))
     assert variance == pytest.approx((250.0 * 250.0 * 4.0 + 250.0 * 250.0 * 9.0) / 500.0**2)
 
 
@@ -84,7 +84,7 @@ def test_what_is_left_beyond_the_noise_does_not_average_out(blocks: int) -> None
     box, none = Box(*np.array([[-1e6], [1e6], [1e-9]])), np.zeros((blocks, 13))
 
     def variance(hanging_rows: float, floor: float) -> float:
-        [[found]] = _covariance(weighed, np.full(13, hanging_rows), box.weight, none, np.full((blocks, 13), floor))
+        [[found]] = covariance_of(weighed, np.full(13, hanging_rows), box.weight, none, np.full((blocks, 13), floor))
         return float(found)
 
     # It hangs together: over 20 rows or more it is none of the sensor's.

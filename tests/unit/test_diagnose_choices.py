@@ -12,7 +12,7 @@ import pytest
 from core_cases import TUCSON
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting import spreads
 from dsz_daemon.diagnose.fitting.fit import exactly, fitted
 from dsz_daemon.diagnose.fitting.model import Slopes, values_of
 from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of, with_best_moments
@@ -638,7 +638,7 @@ def test_where_a_simulation_fits_its_noise_is_no_way_to_be_wrong(monkeypatch: py
         return float(fit.std[at] ** 2 - (0.02 * fit.x[fit.columns[at]]) ** 2) ** 0.5
 
     usual = [spread(one) for one in (right, wrong)]
-    monkeypatch.setattr(judgement, "_WAYS_TO_BE_WRONG", 1e9)
+    monkeypatch.setattr(spreads, "_WAYS_TO_BE_WRONG", 1e9)
     alike = [spread(one) for one in (right, wrong)]
     assert usual[0] == pytest.approx(alike[0], rel=0.3)
     assert usual[1] > 1.5 * alike[1]

@@ -192,5 +192,7 @@ def test_how_much_is_on_board_is_told_by_what_tyres_may_be() -> None:
         variance = fit.covariance[place, place] - gain[place] @ across[place]
         assert told[name][0] == pytest.approx(values[place])
         assert told[name][1] == pytest.approx(np.hypot(np.sqrt(variance), 0.02 * values[place]), rel=0.02)
-    # Other effects are told as they are fitted.
-    assert fit_of(one, "cornering_stiffness").between is None
+    # Other effects are told with the values that they are fitted with.
+    fit = fit_of(one, "cornering_stiffness")
+    assert fit.told is not None
+    np.testing.assert_array_equal(fit.told[0], fit.x[list(fit.columns)])

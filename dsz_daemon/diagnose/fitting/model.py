@@ -35,6 +35,9 @@ BESIDE_TYRES = frozenset({MASS_LOADING.name, STEERING_COMPLIANCE.name})
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 
+# Values and spreads (p,).
+Told = tuple[Floats, Floats]
+
 
 class Fit(NamedTuple):
     """A converged model: its parameters, their spread, what it leaves, and its sums over all of its own columns.
@@ -42,8 +45,8 @@ class Fit(NamedTuple):
     `scatter` (b, 13): each block's deviation; the sums are in it.
     `unseen` (b, c): what it leaves on blocks that a fit has not seen; `together`: whole kinds of blocks unseen.
     `along`: of a grade that no gyro feels (b,), on unseen blocks, and how many rows of it count as one.
-    `is_exact`: judged by the slopes of its end, not of where it came from. `between` (p,): values and spreads that
-    are told of a load or a compliance, by how far off tyres may be.
+    `is_exact`: judged by the slopes of its end, not of where it came from. `told`: what an answer tells, where that
+    is something else than what it is judged by: by how far off tyres may be, and without what judging keeps in hand.
     """
 
     x: Floats
@@ -62,7 +65,7 @@ class Fit(NamedTuple):
     covariance: Floats
     along: tuple[Floats, float] | None = None
     is_exact: bool = True
-    between: tuple[Floats, Floats] | None = None
+    told: Told | None = None
 
 
 class Slopes(NamedTuple):
@@ -118,10 +121,8 @@ def room(drive: Drive, x: Floats, columns: Sequence[int], tolerance: Mapping[str
 
 
 def values_of(drive: Drive, fit: Fit, effect: str, *, as_fitted: bool = False) -> dict[str, tuple[float, float]]:
-    """(value, spread) of each parameter of an effect, as they are told; or `as_fitted`, whatever tyres may be."""
-    values, spreads = fit.x[list(fit.columns)], fit.std
-    if effect in BESIDE_TYRES and fit.between is not None and not as_fitted:
-        values, spreads = fit.between
+    """(value, spread) of each parameter of an effect, as they are told; or `as_fitted`, as they are judged by."""
+    values, spreads = (fit.x[list(fit.columns)], fit.std) if fit.told is None or as_fitted else fit.told
     own = drive.vocabulary.columns_of(effect) if effect else NUISANCES
     there = [(fit.columns.index(i), drive.vocabulary.columns[i][1].name) for i in own if i in fit.columns]
     return {name: (float(values[place]), float(spreads[place])) for place, name in there}

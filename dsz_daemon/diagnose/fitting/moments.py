@@ -76,9 +76,11 @@ def in_the_middle(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, fl
         fit = exactly(drive, rows, fit._replace(x=x, left=left), tolerance, each)
     # Its slopes tell of a moment what it costs to leave it, which on a plateau is next to nothing.
     std = fit.std.copy()
+    values, spreads = (fit.x[list(fit.columns)], std.copy()) if fit.told is None else fit.told
     for i, (first_s, end_s) in bounds_s.items():
-        std[fit.columns.index(i)] = _spread_s(first_s - fit.x[i], end_s - fit.x[i])
-    return fit._replace(std=std)
+        at = fit.columns.index(i)
+        std[at] = spreads[at] = _spread_s(first_s - fit.x[i], end_s - fit.x[i])
+    return fit._replace(std=std, told=(values, spreads))
 
 
 def _spread_s(first_s: float, end_s: float) -> float:

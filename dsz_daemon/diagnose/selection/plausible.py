@@ -10,10 +10,10 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.gains import far_off
-from dsz_daemon.diagnose.fitting.judgement import may_be_a_curve
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
 from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, TILTS, Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S, moments_of
+from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it

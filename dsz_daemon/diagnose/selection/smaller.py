@@ -10,8 +10,8 @@ from dsz_daemon.diagnose.effects.row import CAR
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape, steers_by_speed, with_shapes
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, told_from
-from dsz_daemon.diagnose.fitting.judgement import may_be_a_curve
 from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, Fit, Slopes
+from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve
 from dsz_daemon.diagnose.fitting.without import slopes_at, surely_without, without
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN

@@ -9,11 +9,10 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import CAR, WHEELS
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
-from dsz_daemon.diagnose.effects.steering import STEERING_COMPLIANCE
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import told_from
-from dsz_daemon.diagnose.fitting.model import GRIP, values_of
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, values_of
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
@@ -23,6 +22,7 @@ from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.smaller import unfelt_roads
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.loads import LOAD
 from dsz_daemon.diagnose.simulation.pulls import pulled_rad
 from dsz_daemon.diagnose.verdict.aliases import MUCH_MPS2, alternatives
 from dsz_daemon.diagnose.verdict.manoeuvres import next_manoeuvre
@@ -76,8 +76,11 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
     if effect == "side_wind":
         least["rms_n"] = _least_wind_n(found.drive, found.best.x)
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one; nor do tyres a compliance.
-    as_fitted = effect in GRIP or effect == STEERING_COMPLIANCE.name
-    judged = values_of(found.drive, found.best, effect, as_fitted=True) if as_fitted else values
+    judged = values
+    if effect in GRIP:
+        judged = dict(values_of(found.drive, found.best, effect, as_fitted=True))
+    elif effect not in {LOAD, *OWN_CHANNEL}:
+        judged = values_told(found, effect, as_fitted=True)
     spreads = _OF_WHAT_IS_SURE if surely else LEAST_SPREADS
     judged = {name: told for name, told in judged.items() if math.isfinite(least.get(name, math.inf))}
     named = [abs(value) >= max(least[name], spreads * (std or 0.0)) for name, (value, std) in judged.items()]

@@ -8,9 +8,9 @@ from collections.abc import Collection
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting.judgement import OF_ITSELF
 from dsz_daemon.diagnose.fitting.model import values_of
 from dsz_daemon.diagnose.fitting.mounts import BY_GRAVITY, as_offsets_else
+from dsz_daemon.diagnose.fitting.spreads import JUDGED
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.simulation import motion
@@ -51,12 +51,12 @@ def offsets_of(found: Search, causes: Collection[str] = ()) -> dict[str, tuple[f
     return offsets
 
 
-def values_told(found: Search, effect: str) -> Told:
-    """(value, spread) of an effect's parameters; of a profile its rms over what was driven."""
+def values_told(found: Search, effect: str, *, as_fitted: bool = False) -> Told:
+    """(value, spread) of an effect's parameters, or `as_fitted`; of a profile its rms over what was driven."""
     profile = rms_told(found.drive, found.rows, found.best, effect)
     if profile is not None:
         return profile
-    values: Told = dict(values_of(found.drive, found.best, effect))
+    values: Told = dict(values_of(found.drive, found.best, effect, as_fitted=as_fitted))
     if effect in BY_GRAVITY:
         values = as_offsets_else(found.drive.vocabulary.described(effect).parameters, values)
     if effect == "wheel_radius" and shares_a_factor(found):
@@ -90,7 +90,7 @@ def _apart(found: Search, values: Told) -> Told:
     radii, covariance = _of_radii(found)
     against = np.eye(4) - 0.25
     apart = against @ radii
-    spread = np.hypot(np.sqrt(np.diag(against @ covariance @ against.T)), OF_ITSELF * apart)
+    spread = np.hypot(np.sqrt(np.diag(against @ covariance @ against.T)), JUDGED.of_itself * apart)
     return dict(zip(values, zip(apart.tolist(), spread.tolist(), strict=True), strict=True))
 
 

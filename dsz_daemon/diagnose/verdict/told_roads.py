@@ -44,11 +44,11 @@ class _Rms(NamedTuple):
 
 
 # A wind is told by what tyres make of it, and those of a simulation by another author came out 15 % off at most
-# (docs/decisions/0050); a road by a gyro's integral.
+# (docs/decisions/0050); a road by a gyro's integral. What of it came true: docs/decisions/0083.
 _RMS = {
-    "road_bank": _Rms("rms_rad", 0.03),
-    "road_grade": _Rms("rms_rad", 0.03),
-    "side_wind": _Rms("rms_n", 0.1, _STIFFNESSES),
+    "road_bank": _Rms("rms_rad", 0.01),
+    "road_grade": _Rms("rms_rad", 0.01),
+    "side_wind": _Rms("rms_n", 0.07, _STIFFNESSES),
 }
 
 
