@@ -354,7 +354,7 @@ def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
     ]
     alone = found._replace(best=both._replace(effects=("imu_delay",)))
     assert search_module._with_one_for_two(alone, "gyro_scale", TOLERANCE, map) is alone
-    assert "gyro_scale" in search_module._kept(found, TOLERANCE, map).best.effects
+    assert "gyro_scale" in search_module._kept(found, TOLERANCE, found.best.effects, map).best.effects
 
 
 def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:

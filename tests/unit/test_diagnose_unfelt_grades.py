@@ -324,12 +324,12 @@ def test_what_a_hill_gains_is_what_it_gains_in_the_end_if_that_is_more() -> None
     one = climbing({})
     rows = rows_of(one)
     there = fitted(one, rows, nothing(), ("road_grade",), TOLERANCE)
-    now = worth_now(one, rows, there, TOLERANCE, {"road_grade": 1.0}, map)["road_grade"]
+    now = worth_now(one, rows, there, TOLERANCE, {"road_grade": 1.0}, (), map)["road_grade"]
     assert now > 40.0
-    assert worth_now(one, rows, there, TOLERANCE, {"road_grade": 1e6}, map) == {"road_grade": 1e6}
+    assert worth_now(one, rows, there, TOLERANCE, {"road_grade": 1e6}, (), map) == {"road_grade": 1e6}
     felt = climbing({}, without=())
     there = fitted(felt, rows_of(felt), nothing(), ("road_grade",), TOLERANCE)
-    assert worth_now(felt, rows_of(felt), there, TOLERANCE, {"road_grade": 1.0}, map) == {"road_grade": 1.0}
+    assert worth_now(felt, rows_of(felt), there, TOLERANCE, {"road_grade": 1.0}, (), map) == {"road_grade": 1.0}
 
 
 def test_what_another_instrument_leaves_is_no_doubt_of_a_hill() -> None:

@@ -155,11 +155,11 @@ def test_a_wind_that_is_felt_anew_has_gained_what_it_gains_then() -> None:
     assert felt is not None
     anew = fitted(one, rows, held.x, ("side_wind",), TOLERANCE, felt=felt)
     asked = told_from(one, anew, "side_wind")
-    now = worth_now(one, rows, anew, TOLERANCE, {"side_wind": 0.9 * asked}, map)
+    now = worth_now(one, rows, anew, TOLERANCE, {"side_wind": 0.9 * asked}, (), map)
     assert now["side_wind"] > 10.0 * asked
     # It was enough before, or no other tyres have made it another one.
-    assert worth_now(one, rows, anew, TOLERANCE, {"side_wind": 1.1 * asked}, map) == {"side_wind": 1.1 * asked}
-    assert worth_now(one, rows, held, TOLERANCE, {"side_wind": 0.9 * asked}, map) == {"side_wind": 0.9 * asked}
+    assert worth_now(one, rows, anew, TOLERANCE, {"side_wind": 1.1 * asked}, (), map) == {"side_wind": 1.1 * asked}
+    assert worth_now(one, rows, held, TOLERANCE, {"side_wind": 0.9 * asked}, (), map) == {"side_wind": 0.9 * asked}
 
 
 def test_beside_a_wind_that_is_felt_anew_what_a_car_does_has_to_gain_a_good_part_of_it() -> None:

@@ -161,7 +161,7 @@ def searched(
         refused, known = wrong | (refused if best is before else set()), grown.known if best is now else None
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
-    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, each)
+    return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, best.effects, each)
 
 
 def _without_its_twin(
@@ -242,12 +242,15 @@ def _with_one_for_two(found: Search, one: str, tolerance: Mapping[str, float], e
     )
 
 
-def _kept(found: Search, tolerance: Mapping[str, float], each: Each) -> Search:
-    """One cause for two where it does what both do, without trifles, and what was found of them."""
+def _kept(found: Search, tolerance: Mapping[str, float], came: Sequence[str], each: Each) -> Search:
+    """One cause for two where it does what both do, without trifles, and what was found of them.
+
+    `came`: the effects in the order in which they did, before any gave its place to another.
+    """
     for one in ONE_FOR_TWO:
         found = _with_one_for_two(found, one, tolerance, each)
     found = _with_a_load(found, tolerance, each)
-    gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, each)
+    gains = worth_now(found.drive, found.rows, found.best, tolerance, found.gains, came, each)
     best = without_trifles(found.drive, found.rows, found.best, tolerance, gains, each)
     best = without_idle_shapes(found.drive, found.rows, best, tolerance, each)
     best = without_leaners(found.drive, found.rows, best, tolerance, gains, each)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 
 from dsz_daemon.diagnose.effects.row import CAR
@@ -196,12 +196,19 @@ def unfelt_roads(drive: Drive) -> list[str]:
 
 
 def worth_now(
-    drive: Drive, rows: Rows, best: Fit, tolerance: Mapping[str, float], gains: Mapping[str, float], each: Each
+    drive: Drive,
+    rows: Rows,
+    best: Fit,
+    tolerance: Mapping[str, float],
+    gains: Mapping[str, float],
+    came: Sequence[str],
+    each: Each,
 ) -> dict[str, float]:
     """What was gained; of some, what they gain beside all that came after.
 
     Such are roads that no gyro feels, since what is quick hides a hill, and a wind that was felt anew, by other tyres
-    than those that it came with.
+    than those that it came with. What `came` after something that has given its place to another is worth no more than
+    it is beside that: it may have made up for what was wrong there.
     """
     mine = {effect: gains[effect] for effect in best.effects}
     later = set(unfelt_roads(drive))
@@ -209,6 +216,10 @@ def worth_now(
         later |= {_WIND}
     for one in later & set(best.effects):
         mine[one] = max(mine[one], gained(drive, without(drive, rows, best, tolerance, (one,), each), best))
+    gone = [place for place, effect in enumerate(came) if effect not in best.effects]
+    after = came[gone[0] + 1 :] if gone else ()
+    for one in [effect for effect in after if effect in mine and not is_shape(effect)]:
+        mine[one] = min(mine[one], gained(drive, without(drive, rows, best, tolerance, (one,), each), best))
     return mine
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
+from dsz_daemon.diagnose.effects.shape_names import is_shape
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.fitting.model import SAME_TURN, Fit
 from dsz_daemon.diagnose.recordings.recording import DT_S
@@ -46,7 +47,7 @@ def alternatives(found: Search, effect: str, doubt: float = 1.0) -> tuple[list[s
     near = max(_ALIKE * doubt, _ALIKE_SHARE * top)
     group = [name for name, step in steps.items() if name != effect and step.gain > top - near]
     group += sorted(known_classes(found.drive, found.best, effect) - {effect, *group})
-    group = [name for name in group if name not in _NAMELESS]
+    group = [name for name in group if name not in _NAMELESS and not is_shape(name)]
     # What was not taken for another reason than what it gains is no likelier than what was.
     weights = {name: math.exp(min((step.gain - top) / doubt, 0.0)) for name, step in steps.items()}
     total = sum(weights.values())
