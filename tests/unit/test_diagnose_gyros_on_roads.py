@@ -8,7 +8,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
-from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.selection import trials
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -38,6 +38,7 @@ def tilted(
     return level._replace(measured=predicted(level, x, road)), x
 
 
+@pytest.mark.parametrize("unheard", [[], [5], [3, 4, 5]])
 @pytest.mark.parametrize("roads", [("road_grade",), ("road_bank",), ("road_bank", "road_grade")])
 @pytest.mark.parametrize(
     "parameters",
@@ -50,8 +51,12 @@ def tilted(
         {"gyro_g_sensitivity.xz": 5e-3, "gyro_g_sensitivity.yz": 5e-3},
     ],
 )
-def test_of_gyros_as_they_are_the_road_is_felt_as_it_is(parameters: dict[str, float], roads: tuple[str, ...]) -> None:
+def test_of_gyros_as_they_are_the_road_is_felt_as_it_is(
+    parameters: dict[str, float], roads: tuple[str, ...], unheard: list[int]
+) -> None:
+    """Forces that gyros show are those that accelerometers do; where one is not there, those of the road itself."""
     one, x = tilted(parameters, roads)
+    one.measured[:, unheard] = np.nan
     road = Felt(one, x, roads)(x)
     for name, found in (("road_bank", road.bank_rad), ("road_grade", road.grade_rad)):
         if name in roads:
@@ -65,6 +70,41 @@ def test_what_gravity_does_to_a_gyro_tilts_no_road() -> None:
     felt = Felt(one, x, ("road_grade",))
     x[INDEX["gyro_g_sensitivity.yz"]] = 1e-5
     assert np.ptp(felt(x).grade_rad - felt(nothing()).grade_rad) < 1e-3 * np.ptp(LONG["road_grade"])
+
+
+@pytest.mark.parametrize("shown", ["gyro_g_sensitivity.yx", "gyro_g_sensitivity.yy"])
+def test_slopes_are_those_of_a_road_that_a_gyro_with_forces_in_it_feels(shown: str) -> None:
+    """What it shows of gravity along the road goes round: a hill of a knot makes more hill, e times in 40 s."""
+    one, x = tilted({shown: 2.5e-3}, ("road_grade",))
+    x[INDEX["road_grade.knot_0"]] = 0.01
+    felt, rows = Felt(one, x, ("gyro_g_sensitivity", "road_grade")), rows_of(one)
+    columns = [INDEX[name] for name in ("road_grade.knot_0", "road_grade.knot_6", "front_cornering_stiffness_n_per_rad")]
+    road = felt(x)
+    slopes = sensitivities(one, rows, x, road, predicted(one, x, road), columns, felt)
+    for at, column in enumerate(columns):
+        ends = []
+        for sign in (1.0, -1.0):
+            there = x.copy()
+            there[column] += sign * 1e-4
+            ends.append(residual(rows, predicted(one, there, felt(there))))
+        secant = np.where(rows.used, (ends[1] - ends[0]) / 2e-4, 0.0)
+        off = np.where(rows.used, slopes[:, :, at], 0.0) - secant
+        assert np.linalg.norm(off) < 0.03 * np.linalg.norm(secant)
+
+
+def test_a_grade_is_found_beside_a_gyro_that_shows_forces() -> None:
+    """By what it was before there was a road the first rounds lead to a worse one."""
+    sensitive = {"gyro_g_sensitivity.yx": 3.4e-3, "gyro_g_sensitivity.xy": 2.9e-3, "gyro_g_sensitivity.zy": -3.9e-3}
+    one, x = tilted(sensitive, ("road_grade",), {"road_grade": LONG["road_grade"] + 0.02 * np.sin(T / 25.0)})
+    noise = drive({}, CITY_V, STEER).measured - predicted(one, nothing(), flat(N))
+    one = one._replace(measured=one.measured + noise)
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), ("gyro_g_sensitivity",), TOLERANCE)
+    trial = trials.Trial(one, rows, best, TOLERANCE, screened(one, rows, best, TOLERANCE, map).known)
+    step = trial.fit((("road_grade",), best.x))
+    assert step.gain > 100.0
+    for name, value in sensitive.items():
+        assert step.fit.x[INDEX[name]] == pytest.approx(value, abs=3e-4)
 
 
 @pytest.mark.parametrize("road", ["road_grade", "road_bank"])

@@ -142,6 +142,11 @@ def gyros_of(x: Floats) -> tuple[Floats, Floats]:
     return of_rates, of_forces
 
 
+def forces_of(x: Floats) -> Floats:
+    """What the accelerometers show of the forces that the IMU feels (3, 3)."""
+    return np.asarray(_axes_of(x)[2])
+
+
 def _axes_of(x: Floats) -> Floats:
     """What is shown of what (3, 3, 3): rates of rates, rates of forces, forces of forces."""
     return np.asarray((_OWN + x[_SHOWN_OF]) @ _turned(x))

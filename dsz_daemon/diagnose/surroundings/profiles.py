@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.residuals.comparison import FORM, Each, Rows, floors
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.simulation.moving import Moving, of_roll, rolls_of
-from dsz_daemon.diagnose.simulation.prediction import ALONG, gyros_of, predicted
+from dsz_daemon.diagnose.simulation.prediction import ALONG, forces_of, gyros_of, predicted
 from dsz_daemon.diagnose.simulation.road import Profiles, correction, flat
 from dsz_daemon.diagnose.simulation.rolling import Rolling
 from dsz_daemon.diagnose.simulation.slow_sensors import in_time
@@ -28,7 +28,7 @@ from dsz_daemon.diagnose.surroundings.winds import AGAIN, ROUNDS, by_the_lean, w
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
-_ACROSS = 4
+_ACROSS, _FORCES = 4, slice(3, 6)
 # A road bends over metres; what is quicker is the gyro's noise, which v q would bring into the vertical acceleration.
 # All of a road passes that bends up and down within two seconds.
 _ROAD_KERNEL = sharp_kernel(1.5)
@@ -159,7 +159,10 @@ class Felt:
         bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
         banks, climbs = (name in self._effects for name in _TILTS)
         gyros_feel = banks and not self._is_unfelt, climbs and self._climb is None
-        road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), *gyros_feel)
+        of_rates, of_forces = gyros_of(alone)
+        # What accelerometers show of the road is in `turning`.
+        of_forces = np.where(np.isfinite(self._drive.measured[:, _FORCES]).any(axis=0), 0.0, of_forces)
+        road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), (of_rates, of_forces), *gyros_feel)
         road = road._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else road
         if self._climb is not None:
             shown_mps2 = motion.G * (1.0 + float(x[_AHEAD_SCALE])) * leans_too(x, road.lean_share)[1]
@@ -209,10 +212,22 @@ class Felt:
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
             rolls = self._rolls(level, alone)
             shown = predicted(self._drive, alone, level, rolls)
-            left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2])
+            left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2] - self._forces(shown, alone))
             yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]]) / gyros_of(alone)[0][2, 2]
             self._turned = key, np.column_stack([left, yaw, rolls.v_mps])
         return self._turned[1]
+
+    def _forces(self, shown: Floats, x: Floats) -> Floats:
+        """What roll and pitch gyros show (n, 2) of the forces that accelerometers show beyond what is `shown`.
+
+        Gravity along the road is in these. By those that the road itself makes it would go round: a hill makes more
+        hill, and what an integral has wrong at first grows e times in 30 s.
+        """
+        of_forces = gyros_of(x)[1][:2]
+        if not of_forces.any():
+            return np.zeros((len(shown), 2))
+        more = np.nan_to_num(self._drive.measured[:, _FORCES] - shown[:, _FORCES])
+        return np.asarray(more @ (of_forces @ np.linalg.inv(forces_of(x))).T)
 
     def _rolls(self, level: Profiles, x: Floats) -> Rolling:
         """What is known on a level road before the car moves sideways; kept for the next call, as `_turning` is."""
@@ -235,18 +250,25 @@ def undrawn(effects: Collection[str]) -> set[int]:
 
 
 def _with_tilt(
-    x: Floats, road: Profiles, turning: Floats, corrections: tuple[Floats, Floats], banks: bool, climbs: bool
+    x: Floats,
+    road: Profiles,
+    turning: Floats,
+    corrections: tuple[Floats, Floats],
+    shows: tuple[Floats, Floats],
+    banks: bool,
+    climbs: bool,
 ) -> Profiles:
     """Both Euler angles at once, small angles: bank' = p + r slope, slope' = q - r bank, slope with the nose down.
 
     As far as a road's tilts turn into each other, see `felt`.
     `turning`: what the gyros show of p and q, r, and speed (n, 4). `corrections` (n,) or (1,), rad, are what knots add
-    to bank and slope after this: so much more turns into the other angle.
+    to bank and slope after this: so much more turns into the other angle. `shows`: what gyros show of rates and of
+    forces that are not in `turning` (3, 3).
     """
     leans, n = leans_too(x, road.lean_share), len(turning)
     more = [np.ascontiguousarray(np.broadcast_to(lean * c, n)) for lean, c in zip(leans, corrections, strict=True)]
     turns_too = 1.0 - float(x[INDEX[_FLAT_BENDS]])
-    tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *gyros_of(x), banks, climbs, turns_too)
+    tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *shows, banks, climbs, turns_too)
     bank, slope = (
         filtered(in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
         for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
