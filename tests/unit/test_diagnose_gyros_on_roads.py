@@ -78,7 +78,9 @@ def test_slopes_are_those_of_a_road_that_a_gyro_with_forces_in_it_feels(shown: s
     one, x = tilted({shown: 2.5e-3}, ("road_grade",))
     x[INDEX["road_grade.knot_0"]] = 0.01
     felt, rows = Felt(one, x, ("gyro_g_sensitivity", "road_grade")), rows_of(one)
-    columns = [INDEX[name] for name in ("road_grade.knot_0", "road_grade.knot_6", "front_cornering_stiffness_n_per_rad")]
+    columns = [
+        INDEX[name] for name in ("road_grade.knot_0", "road_grade.knot_6", "front_cornering_stiffness_n_per_rad")
+    ]
     road = felt(x)
     slopes = sensitivities(one, rows, x, road, predicted(one, x, road), columns, felt)
     for at, column in enumerate(columns):
@@ -95,7 +97,7 @@ def test_slopes_are_those_of_a_road_that_a_gyro_with_forces_in_it_feels(shown: s
 def test_a_grade_is_found_beside_a_gyro_that_shows_forces() -> None:
     """By what it was before there was a road the first rounds lead to a worse one."""
     sensitive = {"gyro_g_sensitivity.yx": 3.4e-3, "gyro_g_sensitivity.xy": 2.9e-3, "gyro_g_sensitivity.zy": -3.9e-3}
-    one, x = tilted(sensitive, ("road_grade",), {"road_grade": LONG["road_grade"] + 0.02 * np.sin(T / 25.0)})
+    one, _ = tilted(sensitive, ("road_grade",), {"road_grade": LONG["road_grade"] + 0.02 * np.sin(T / 25.0)})
     noise = drive({}, CITY_V, STEER).measured - predicted(one, nothing(), flat(N))
     one = one._replace(measured=one.measured + noise)
     rows = rows_of(one)

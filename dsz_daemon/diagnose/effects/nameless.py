@@ -75,4 +75,18 @@ NAMELESS = (
         CAR,
         even("offset_mps", "m/s", 0.02, 3.0, 0.05),
     ),
+    Effect(
+        "soft_mount",
+        "The IMU swings on its mount, by 1/omega^2 = {per_w2_s2:.4f} s2 and {damping:.2f} of critical damping",
+        "y''/omega^2 = 2 zeta (x' - y')/omega + x - y; reading = x + k (y - x)",
+        SENSORS,
+        (
+            Parameter("per_w2_s2", "s2", 5e-4, 1.2e-3, 0.05, math.inf),
+            Parameter("damping", "1", 0.05, 0.005, 0.4, math.inf),
+            # How much of that gyros and accelerometers show.
+            Parameter("gyros", "1", 0.1, 0.0, 1.5, 0.1),
+            Parameter("accels", "1", 0.1, 0.0, 1.5, 0.1),
+        ),
+        source="Den Hartog, Mechanical Vibrations, 4th ed., section 2.12: transmissibility",
+    ),
 )

@@ -75,7 +75,7 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
-GUESSED = ("sensor_saturation", "low_friction")
+GUESSED = ("sensor_saturation", "low_friction", "soft_mount")
 
 _BUILT_IN_ROWS = len(EFFECTS) + len(ROAD) + len(NAMELESS)
 

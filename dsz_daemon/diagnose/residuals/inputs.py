@@ -77,11 +77,14 @@ def with_noise(drive: Drive) -> Drive:
 
 
 def smoothed_away(drive: Drive, x: Floats) -> Floats:
-    """Power (13,) of the inputs' noise that the IMU's delay and bandwidth take off a prediction."""
+    """Power (13,) of the inputs' noise that the IMU's delay and bandwidth take off a prediction.
+
+    What swings adds to it: that is not taken off what is left, which has less of it than it is thought to have.
+    """
     taken = np.zeros(len(CHANNELS))
     if drive.noise is not None and (after := smoothed(drive.noise, x)) is not drive.noise:
         rows = rolling_rows(drive)
-        taken[:_IMU] = np.mean(drive.noise[rows] ** 2 - after[rows] ** 2, axis=0)
+        taken[:_IMU] = np.maximum(np.mean(drive.noise[rows] ** 2 - after[rows] ** 2, axis=0), 0.0)
     return taken
 
 

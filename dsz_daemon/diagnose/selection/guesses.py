@@ -1,19 +1,23 @@
-"""Where to begin with what has no slope at 0, or another one: limits that readings clip at, and that grip has."""
+"""Where to begin with what has no slope at 0, or another one: limits of readings and of grip, a mount that swings."""
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.descent import loss_of_rows
+from dsz_daemon.diagnose.fitting.gains import quiet
 from dsz_daemon.diagnose.fitting.limits import LIMITS, reaches, tops_of
-from dsz_daemon.diagnose.fitting.model import Fit
+from dsz_daemon.diagnose.fitting.model import IMU, Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import ROW_S, Each, Rows, residual
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.instruments import swung
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 
@@ -27,6 +31,9 @@ _FRICTIONS = np.geomspace(0.12, 1.0, 14)
 _ELLIPSES = 0.01, 1.0
 # What a row has to gain to count.
 _NOTHING = 0.02
+_GYROS, _OF_A_MOUNT = 3, [INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "gyros", "accels")]
+_SWINGS_HZ, _DAMPINGS = np.geomspace(0.8, 4.0, 20), (0.04, 0.1, 0.25)
+_LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
 _MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
 # A stretch that gains so much of what the best does may be it.
 _ABOUT = 0.9
@@ -36,7 +43,45 @@ _SOME_SHARPNESS = 0.01
 
 def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
     """Effects with parameters (as in the `best` fit so far) to begin from."""
-    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best, each)]
+    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best, each), *_swings(drive, rows, best, each)]
+
+
+def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
+    """An IMU that swings on its mount at the rate that leaves the least: with its gyros, and without.
+
+    What is compared is filtered alike, so what is predicted may swing after that as well.
+    """
+    if "soft_mount" in best.effects or quiet(drive, best)[:IMU].all():
+        return []
+    course, found = predicted(drive, best.x, best.road)[:, :IMU], list[tuple[str, Floats]]()
+    used = rows.used[:, :IMU]
+    count = np.count_nonzero(used, axis=0)
+    heard = count > _LEAST_ROWS
+    if not heard.any():
+        return []
+
+    def powers(more: Floats, gyros: float) -> Floats:
+        """What is left of each channel (6,), whose offset is free."""
+        left = np.where(used, best.left[:, :IMU] - more[rows.at] * np.where(np.arange(IMU) < _GYROS, gyros, 1.0), 0.0)
+        mean = np.sum(left, axis=0) / np.maximum(count, 1)
+        return np.asarray(np.maximum(np.sum((left - mean) ** 2, axis=0, where=used), _STILL))
+
+    before = powers(np.zeros_like(course), 0.0)
+
+    def gained_by(way: tuple[float, float], gyros: float) -> tuple[float, float]:
+        """Log likelihood, each channel as it scatters by itself: wheels' noise swings, too; and the least share left."""
+        hz, damping = way
+        shares = powers(swung(course, 2.0 * math.pi * hz, damping, DT_S) - course, gyros) / before
+        return float(np.sum((-0.5 * count / best.per_row[:IMU] * np.log(shares))[heard])), float(np.min(shares[heard]))
+
+    for gyros in (1.0, 0.0):
+        ways = [*product(_SWINGS_HZ.tolist(), _DAMPINGS)]
+        (more, share), (hz, damping) = max(zip(each(partial(gained_by, gyros=gyros), ways), ways, strict=True))
+        if more > _LEAST and share < _MUCH_LESS:
+            x = best.x.copy()
+            x[_OF_A_MOUNT] = (2.0 * math.pi * hz) ** -2, damping, gyros, 1.0
+            found.append(("soft_mount", x))
+    return found
 
 
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:

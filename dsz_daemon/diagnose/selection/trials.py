@@ -80,7 +80,7 @@ _ODD_LEAKS = 7.0
 _MORE_THAN_TYRES = 0.01
 # Moments are moved and all is fitted again, until they stay where they are, or that gains no more than so much.
 _MOST_MOVES, _SETTLED_S, _MOVES_ON = 4, 0.2, 1.0
-_RARE = {*GUESSED, "tyre_saturation"}
+_RARE = {"sensor_saturation", "low_friction", "tyre_saturation"}
 
 
 class Step(NamedTuple):

@@ -124,6 +124,28 @@ def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
 
 
 @compiled
+def swung(values: Floats, rate_radps: float, damping: float, dt_s: float) -> Floats:
+    """How a mass on springs and dampers moves if what it stands on moves as each column of the values (n, c) does.
+
+    y'' / w^2 = 2 d (x' - y') / w + x - y, from rest at the first one on, by the bilinear transform that is right at w.
+    """
+    k = rate_radps / math.tan(0.5 * rate_radps * dt_s)
+    square, drag = rate_radps**2, 2.0 * damping * rate_radps * k
+    whole = k * k + drag + square
+    one, two = 2.0 * (square - k * k) / whole, (k * k - drag + square) / whole
+    now, before, last = (square + drag) / whole, 2.0 * square / whole, (square - drag) / whole
+    found = np.empty_like(values)
+    for j in range(values.shape[1]):
+        x1 = x2 = y1 = y2 = values[0, j]
+        for i in range(len(values)):
+            x = values[i, j]
+            y = now * x + before * x1 + last * x2 - one * y1 - two * y2
+            x2, x1, y2, y1 = x1, x, y1, y
+            found[i, j] = y
+    return found
+
+
+@compiled
 def delayed(values: Floats, by_s: float, dt_s: float, later: float = 0.0) -> Floats:
     """Each column of the values (n, c) as it comes `by_s` late (early, if negative); level beyond the ends.
 

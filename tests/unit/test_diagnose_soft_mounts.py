@@ -1,0 +1,116 @@
+"""diagnose: an IMU that swings on its mount has no name, and gives none to a delay, a low-pass or a tyre."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
+
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.instruments import swung
+from dsz_daemon.diagnose.simulation.prediction import predicted
+from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.simulation.slow_sensors import smoothed
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.said import Diagnosis
+
+HZ, DAMPING = 1.9, 0.08
+# A hand that trembles: what turns slowly alone swings nothing.
+LIVELY = (
+    CITY_STEER + 0.004 * np.sin(2.0 * np.pi * 1.6 * T) * np.sin(0.7 * T) + 0.003 * np.sin(13.0 * T + 2.0 * np.sin(T))
+)
+BUMPY_V = CITY_V + 0.03 * np.sin(11.0 * T) * np.sin(0.4 * T)
+
+
+def on_rubber(channels: list[int]) -> Drive:
+    """A drive whose IMU stands on springs and dampers: the closed form, by another's hand."""
+    rate = 2.0 * math.pi * HZ
+    system = ([2.0 * DAMPING * rate, rate**2], [1.0, 2.0 * DAMPING * rate, rate**2])
+
+    def swings(one: Drive) -> None:
+        still = predicted(one, nothing(), flat(N))
+        for c in channels:
+            one.measured[:, c] += lsim(system, still[:, c] - still[0, c], T)[1] + still[0, c] - still[:, c]
+
+    return drive({}, BUMPY_V, LIVELY, change=swings)
+
+
+@pytest.mark.parametrize(("hz", "damping"), [(1.0, 0.05), (1.9, 0.2), (3.5, 0.35)])
+@pytest.mark.parametrize("of_rate", [0.3, 1.0, 1.4])
+def test_a_mass_on_springs_and_dampers_moves_as_its_transmissibility_says(
+    hz: float, damping: float, of_rate: float
+) -> None:
+    rate = 2.0 * math.pi * hz
+    shakes = np.sin(of_rate * rate * T)
+    moves = swung(shakes[:, np.newaxis], rate, damping, DT_S)[:, 0]
+    drag = 2.0j * damping * of_rate
+    response = (1.0 + drag) / (1.0 - of_rate**2 + drag)
+    expected = np.abs(response) * np.sin(of_rate * rate * T + np.angle(response))
+    settled = slice(N // 2, N)
+    np.testing.assert_allclose(moves[settled], expected[settled], atol=0.02 * np.abs(response))
+
+
+def test_it_begins_at_rest_and_what_it_shows_of_that_is_a_share() -> None:
+    level = np.full((300, 6), 9.81)
+    x = nothing()
+    x[INDEX["soft_mount.per_w2_s2"]], x[INDEX["soft_mount.damping"]] = 0.007, 0.1
+    x[INDEX["soft_mount.gyros"]], x[INDEX["soft_mount.accels"]] = 0.25, 1.0
+    np.testing.assert_allclose(smoothed(level, x), level, rtol=1e-12)
+    step = level.copy()
+    step[100:] += 1.0
+    shown = smoothed(step, x) - 9.81
+    swings = swung(step, 0.007**-0.5, 0.1, DT_S) - 9.81
+    np.testing.assert_allclose(shown[:, 3:], swings[:, 3:], atol=1e-12)
+    np.testing.assert_allclose(shown[:, :3], 0.25 * swings[:, :3] + 0.75 * (step - 9.81)[:, :3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("channels", "shown"),
+    [
+        ([0, 1, 2, 3, 4, 5], ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]),
+        ([3, 4, 5], ["accel_x", "accel_y", "accel_z"]),
+    ],
+)
+def test_an_imu_on_rubber_is_told_as_that(channels: list[int], shown: list[str]) -> None:
+    said = told(on_rubber(channels))
+    assert said.causes == []
+    assert [(shape.channel, shape.shape) for shape in said.unlisted] == [(channel, "swings") for channel in shown]
+    for shape in said.unlisted:
+        assert shape.coefficient.unit == "Hz"
+        assert abs(shape.coefficient.value - HZ) < 2.0 * shape.coefficient.std < 0.1 * HZ
+
+
+def told(one: Drive) -> Diagnosis:
+    return answered(found(one))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("imu_delay.delay_s", 0.08),
+        ("sensor_bandwidth.time_constant_s", 0.08),
+        ("tyre_relaxation.relaxation_length_m", 0.8),
+        ("suspension_roll.roll_gradient_rad_per_mps2", 0.01),
+    ],
+)
+def test_what_is_late_slow_or_leans_swings_on_no_mount(key: str, value: float) -> None:
+    one = drive({key: value}, BUMPY_V, LIVELY)
+    rows = rows_of(one)
+    assert "soft_mount" not in dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))
+    said = told(one)
+    assert [cause.effect for cause in said.causes] == [key.split(".", maxsplit=1)[0]]
+    assert said.unlisted == []
+
+
+def test_where_nothing_is_left_nothing_swings() -> None:
+    one = drive({}, BUMPY_V, LIVELY)
+    rows = rows_of(one)
+    assert guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)) == []
