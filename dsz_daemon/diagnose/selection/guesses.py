@@ -69,7 +69,7 @@ def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, 
     before = powers(np.zeros_like(course), 0.0)
 
     def gained_by(way: tuple[float, float], gyros: float) -> tuple[float, float]:
-        """Log likelihood, each channel as it scatters by itself: wheels' noise swings, too; and the least share left."""
+        """Log likelihood, each channel as it scatters by itself, since wheels' noise swings; and the least share."""
         hz, damping = way
         shares = powers(swung(course, 2.0 * math.pi * hz, damping, DT_S) - course, gyros) / before
         return float(np.sum((-0.5 * count / best.per_row[:IMU] * np.log(shares))[heard])), float(np.min(shares[heard]))

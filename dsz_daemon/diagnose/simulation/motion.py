@@ -22,6 +22,8 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 G = STANDARD_GRAVITY_MPS2
 # Below, tyres roll where they point: slip angles divide by speed.
 ROLLING_MPS = 2.5
+# Where grip ends each leaves a third of what the one before did.
+_GIVES_WAY_ROUNDS = 4
 # A body on its springs, of a passenger car.
 BODY_RADPS, BODY_DAMPING = 2.0 * math.pi * 1.5, 0.35
 # Load comes through these springs: so long after the force.
@@ -112,6 +114,25 @@ def _loaded(car: CarModel, along_mps2: float) -> tuple[float, float]:
 
 
 @compiled
+def _given_way(
+    car: CarModel, steer_rad: float, heading_rad: float, share: float, ends_per_n: float, curve: Floats
+) -> float:
+    """The angle of front wheels that give way to the force which they have at just that angle, rad.
+
+    delta = steer - c F(delta), F = C (delta - heading) times `share` as far as grip goes: by a step of Newton at once
+    where it goes all the way, else by some.
+    """
+    per_rad = car.compliance_rad_per_n * share
+    delta = (steer_rad + per_rad * car.front_stiffness * heading_rad) / (1.0 + per_rad * car.front_stiffness)
+    if ends_per_n > 0.0:
+        for _ in range(_GIVES_WAY_ROUNDS):
+            linear_n = car.front_stiffness * (delta - heading_rad)
+            off = delta - steer_rad + per_rad * limited(linear_n, ends_per_n, car.sharpness, curve)
+            delta -= off / (1.0 + per_rad * car.front_stiffness)
+    return delta
+
+
+@compiled
 def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     car: CarModel,
     steer_rad: Floats,
@@ -188,6 +209,11 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         ground = vy + car.swings_m * roll_rate
         heading = (ground + lf * r) * per_v
         if v >= ROLLING_MPS and car.relaxation_m <= 0.0:
+            if car.compliance_rad_per_n > 0.0:
+                share = front_loaded * front_free[i]
+                delta = _given_way(car, steer_rad[i], atan_of(heading), share, ends / front_load, curve)
+                cos, sin = cos_of(delta), sin_of(delta)
+                tan = sin / cos
             slips = atan_of(heading) - delta, atan_of((ground - lr * r) * per_v)
             linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
             front = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
@@ -227,6 +253,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         per_v = 1.0 / v_mid
         ground = vy_mid + 0.5 * car.swings_m * (swung + roll_rate)
         heading = (ground + lf * r_mid) * per_v
+        if car.relaxation_m <= 0.0 and car.compliance_rad_per_n > 0.0:
+            share, middle_rad = front_loaded * front_free[i], 0.5 * (steer_rad[i] + steer_rad[after])
+            delta_mid = _given_way(car, middle_rad, atan_of(heading), share, ends / front_load, curve)
         slips = atan_of(heading) - delta_mid, atan_of((ground - lr * r_mid) * per_v)
         linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
         front_goal = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
