@@ -46,6 +46,8 @@ _FAR_BEYOND = 8.0
 _UNFELT = 0.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
+# And one that is off by so many is as likely as not to be none.
+_RATHER = 0.5
 # And two together, by their ellipse (chi squared, one in a thousand).
 _TOLD_TOGETHER = 13.8
 # So little of any unit is nothing.
@@ -130,6 +132,13 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
     return told or wheels_differ(drive, fit, effect)
+
+
+def is_rather_something(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether one of an effect's parameters is something rather than nothing, however uncertain it is what."""
+    there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
+    told = [i for i in there if math.isfinite(drive.vocabulary.columns[i][1].least)]
+    return any(abs(fit.x[i]) > _RATHER * fit.std[fit.columns.index(i)] for i in told)
 
 
 def does_nothing(drive: Drive, fit: Fit, effect: str) -> bool:

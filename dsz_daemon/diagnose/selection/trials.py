@@ -24,6 +24,7 @@ from dsz_daemon.diagnose.selection.plausible import (
     are_one_turn,
     does_nothing,
     is_implausible,
+    is_rather_something,
     is_told,
     odds_against_less,
     weighs_nothing,
@@ -78,6 +79,8 @@ _ODD_LEAKS = 7.0
 # By so much more a load is one, of what stiffness and compliance gain: beside nine of these that were planted a load
 # gained 0.2 to 86 less; of five loads that were, three gained 17 to 42 more (0.012 to 0.09).
 _MORE_THAN_TYRES = 0.01
+# What turns a car otherwise does so surely where it gains so much.
+_SURELY_TURNS = 10.0 * LEAST_GAIN
 # Moments are moved and all is fitted again, until they stay where they are, or that gains no more than so much.
 _MOST_MOVES, _SETTLED_S, _MOVES_ON = 4, 0.2, 1.0
 _RARE = {"sensor_saturation", "low_friction", "tyre_saturation"}
@@ -279,6 +282,10 @@ def enough_first(
     # How low a limit of grip is its curve leaves open: one for a while is told no better than one all the way.
     told |= GRIP if told & GRIP else set()
     told |= _weighs_by_its_turn(drive, best, gaining)
+    # How much of a load or a compliance is the tyres' leaves open, within what these may be off, not whether there is
+    # one: where something surely turns the car otherwise, the first of those that do is what it gains.
+    turning = [step for step in gaining if step.effect in SAME_TURN and step.gain > _SURELY_TURNS]
+    told |= {step.effect for step in turning if is_rather_something(drive, step.fit, step.effect)}
 
     def is_vague(step: Step) -> bool:
         # From another start the same effect may be told, and gain as much.
