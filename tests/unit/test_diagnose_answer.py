@@ -53,6 +53,16 @@ def test_what_comes_near_is_in_the_group_and_what_does_not_shares_the_odds() -> 
     }
 
 
+def test_what_has_no_name_is_no_name_that_a_cause_can_not_be_told_from() -> None:
+    """It has its odds: a cause that a shape would explain as well is none as likely as not."""
+    tried = {"gyro_g_sensitivity": 212.8, "accel_x: k*ay*|ay|": 212.8}
+    group, others = aliases.alternatives(
+        found({"gyro_g_sensitivity": tried}, ("gyro_g_sensitivity",)), "gyro_g_sensitivity"
+    )
+    assert group == []
+    assert others == [{"effect": "accel_x: k*ay*|ay|", "probability": pytest.approx(0.5)}]
+
+
 def test_of_a_large_gain_a_share_is_near() -> None:
     tried = {"imu_delay": 1000.0, "sensor_bandwidth": 985.0}
     assert aliases.alternatives(found({"imu_delay": tried}, ("imu_delay",)), "imu_delay")[0] == ["sensor_bandwidth"]

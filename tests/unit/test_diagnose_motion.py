@@ -108,6 +108,28 @@ def test_giving_wheels_understeer() -> None:
     assert row[motion.R] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("grip", [0.0, 3.0])
+def test_wheels_give_way_to_the_force_that_they_have_at_that_moment(grip: float) -> None:
+    """delta + k F_f(delta) is where the hand has them, however quickly it moves; a step later it would be 4 % off."""
+    car, k = NOMINAL._replace(compliance_rad_per_n=4e-6), 4e-6
+    steer = 0.02 * np.sin(8.0 * math.pi * T)
+    rows = driven(car, 15.0, steer, grip=np.full(len(T), grip))
+    turned = rows[:, motion.DELTA] + k * rows[:, motion.FRONT_N]
+    # Of four rounds where grip ends something is left.
+    assert np.max(np.abs(turned - steer)) < (1e-12 if grip == 0.0 else 2e-5)
+    late = rows[1:, motion.DELTA] + k * rows[:-1, motion.FRONT_N]
+    assert np.max(np.abs(late - steer[1:])) > 5e-4
+
+
+def test_wheels_that_give_way_are_softer_tyres_at_any_pace() -> None:
+    """Without v_y and r (a car too heavy to move): F = C delta_0 / (1 + k C), which an axle of 1/(1 + k C) has, too."""
+    heavy, k = NOMINAL._replace(mass_kg=1e9, yaw_inertia_kgm2=1e9), 4e-6
+    steer = 0.02 * np.sin(8.0 * math.pi * T)
+    gives = driven(heavy._replace(compliance_rad_per_n=k), 15.0, steer)
+    soft = driven(heavy._replace(front_stiffness=CF / (1.0 + k * CF)), 15.0, steer)
+    np.testing.assert_allclose(gives[:, motion.FRONT_N], soft[:, motion.FRONT_N], rtol=1e-6, atol=1e-3)
+
+
 def test_force_builds_up_over_the_relaxation_length() -> None:
     """Wheels turned at once, a car too heavy to follow: after sigma / v the front has 1 - 1/e of its force."""
     heavy = NOMINAL._replace(mass_kg=1e9, yaw_inertia_kgm2=1e9, relaxation_m=2.0)

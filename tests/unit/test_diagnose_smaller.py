@@ -18,7 +18,7 @@ from dsz_daemon.diagnose.selection import smaller as smaller_module
 from dsz_daemon.diagnose.selection import trials as trials_module
 from dsz_daemon.diagnose.selection.plausible import does_nothing
 from dsz_daemon.diagnose.selection.search import searched
-from dsz_daemon.diagnose.selection.smaller import Grown, asked_of, plausible, without_trifles
+from dsz_daemon.diagnose.selection.smaller import Grown, asked_of, plausible, without_trifles, worth_now
 from dsz_daemon.diagnose.selection.trials import Step
 from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect
 from dsz_daemon.diagnose.simulation.drive import nothing
@@ -369,3 +369,30 @@ def test_with_a_shapes_help_a_name_gains_no_more_than_it_did(monkeypatch: pytest
     best, gains = Grown(none, none, {}, SimpleNamespace(effects=()), now).what_stays(before)  # type: ignore[arg-type]
     assert best is rest
     assert gains == {"gyro_scale": 400.0, "wheel_radius": 60.0, "gyro_z: k*vx": 200.0}
+
+
+@pytest.mark.parametrize(
+    ("came", "expected"),
+    [
+        # The second gave its place: the third made up for what was wrong with it, and gains little beside the new.
+        (("gyro_scale", "imu_misalignment", "gyro_g_sensitivity"), {"gyro_scale": 500.0, "gyro_g_sensitivity": 3.0}),
+        # What gains more beside the new than it did has gained what it did.
+        (("imu_misalignment", "gyro_scale", "gyro_g_sensitivity"), {"gyro_scale": 500.0, "gyro_g_sensitivity": 3.0}),
+        # All that came before is as it was, and so is all where nothing gave its place.
+        (("gyro_scale", "gyro_g_sensitivity", "imu_misalignment"), {"gyro_scale": 500.0, "gyro_g_sensitivity": 200.0}),
+        (("gyro_scale", "accel_cross_axis", "gyro_g_sensitivity"), {"gyro_scale": 500.0, "gyro_g_sensitivity": 200.0}),
+    ],
+)
+def test_what_came_after_what_gave_its_place_is_worth_what_it_is_beside_the_other(
+    monkeypatch: pytest.MonkeyPatch, came: tuple[str, ...], expected: dict[str, float]
+) -> None:
+    worth = {"gyro_scale": 700.0, "gyro_g_sensitivity": 3.0, "accel_cross_axis": 0.0}
+    monkeypatch.setattr(smaller_module, "unfelt_roads", lambda _: [])
+    monkeypatch.setattr(smaller_module, "without", lambda _, __, ___, ____, effects, _____: effects)
+    monkeypatch.setattr(smaller_module, "gained", lambda _, rest, __: worth[rest[0]])
+    effects = ("gyro_scale", "accel_cross_axis", "gyro_g_sensitivity", "accel_x: k*vx")
+    best: Any = SimpleNamespace(effects=effects, felt=SimpleNamespace(is_anew=False))
+    gains = {"gyro_scale": 500.0, "accel_cross_axis": 900.0, "gyro_g_sensitivity": 200.0, "accel_x: k*vx": 80.0}
+    none: Any = None
+    now = worth_now(none, none, best, TOLERANCE, gains, came, map)
+    assert now == gains | expected

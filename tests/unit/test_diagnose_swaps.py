@@ -9,7 +9,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.fitting import judgement
+from dsz_daemon.diagnose.fitting import spreads
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of
@@ -394,7 +394,7 @@ def test_in_a_body_that_leans_the_height_of_an_arm_is_the_imus_own(monkeypatch: 
     # Whose C.G. an arm is from, the car's or its body's, is not known to some centimetres (decision 0056).
     spread = both.std[both.columns.index(up)]
     assert 0.05 < spread < 0.1
-    monkeypatch.setattr(judgement, "IN_A_BODY_M", 0.0)
+    monkeypatch.setattr(spreads, "IN_A_BODY_M", 0.0)
     surer = fitted(one, rows, start, ("suspension_roll", "imu_lever_arm"), TOLERANCE)
     assert spread**2 - surer.std[surer.columns.index(up)] ** 2 == pytest.approx(0.05**2)
 

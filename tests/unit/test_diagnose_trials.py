@@ -234,6 +234,7 @@ def test_a_load_that_gains_clearly_more_than_what_turns_a_car_alike_comes_before
 ) -> None:
     """However little is told of how much it weighs."""
     monkeypatch.setattr(trials_module, "is_told", lambda _, fit, __: fit != "vague")
+    monkeypatch.setattr(trials_module, "is_rather_something", lambda *_: False)
     monkeypatch.setattr(trials_module, "rank_by", lambda *_: lambda step: step.gain)
     none: Any = None
     gains = {"mass_loading": load, "cornering_stiffness": tyres, "steering_compliance": compliance, "gyro_scale": 30.0}
@@ -245,6 +246,36 @@ def test_a_load_that_gains_clearly_more_than_what_turns_a_car_alike_comes_before
     ]
     ranked.sort(key=lambda step: -step.gain)
     assert enough_first(none, none, ranked, lambda _: 5.0)[0].effect == first
+
+
+@pytest.mark.parametrize(
+    ("compliance", "tyres", "may_be_none", "first"),
+    [
+        # The first of those that turn a car alike by what it gains, however little is told of how much of it there is.
+        (506.0, 500.0, False, "steering_compliance"),
+        (494.0, 500.0, False, "cornering_stiffness"),
+        # But not where it is as likely as not to be nothing, nor where what turns the car is not sure itself.
+        (506.0, 500.0, True, "cornering_stiffness"),
+        (99.0, 95.0, False, "cornering_stiffness"),
+        (101.0, 95.0, False, "steering_compliance"),
+    ],
+)
+def test_of_what_turns_a_car_alike_the_first_is_what_it_gains(
+    monkeypatch: pytest.MonkeyPatch, compliance: float, tyres: float, may_be_none: bool, first: str
+) -> None:
+    monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect == "cornering_stiffness")
+    monkeypatch.setattr(trials_module, "is_rather_something", lambda *_: not may_be_none)
+    monkeypatch.setattr(trials_module, "rank_by", lambda *_: lambda step: step.gain)
+    none: Any = None
+    ranked = [
+        Step("gyro_scale", 900.0, none),
+        Step("steering_compliance", compliance, none),
+        Step("cornering_stiffness", tyres, none),
+    ]
+    ranked.sort(key=lambda step: -step.gain)
+    found = enough_first(none, none, ranked, lambda _: 5.0)
+    # What is none of them and not told stays behind, however much it gains.
+    assert found[0].effect == first
 
 
 @pytest.mark.parametrize(
