@@ -311,7 +311,7 @@ def test_an_rms_is_as_sure_as_what_makes_a_profile_another_one(monkeypatch: pyte
     monkeypatch.setattr(told_roads, "_untold_evenly", lambda *_: set())
     fit.road = road._replace(bank_rad=road.bank_rad + 0.01)
     whole = told_roads.rms_told(cast("Drive", SimpleNamespace(vocabulary=BUILT_IN)), rows, fit, "road_bank")
-    assert whole == {"rms_rad": (pytest.approx(np.hypot(value, 0.01)), pytest.approx(0.03 * np.hypot(value, 0.01)))}
+    assert whole == {"rms_rad": (pytest.approx(np.hypot(value, 0.01)), pytest.approx(0.01 * np.hypot(value, 0.01)))}
     assert told_roads.rms_told(cast("Drive", None), rows, fit, "imu_delay") is None
 
 
