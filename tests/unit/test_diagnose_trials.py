@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection.plausible import is_rather_something
 from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first
+from dsz_daemon.diagnose.simulation.drive import nothing
 
 _X = np.zeros(1)
 
@@ -302,3 +305,22 @@ def test_grip_that_ends_all_the_way_is_thought_of_where_a_stretch_gains_the_most
     assert sorted(fitted) == tried
     gain = {name: each[0] for name, each in gains.items()}
     assert [step.effect for step in steps] == sorted(tried, key=lambda name: -gain[name])
+
+
+@pytest.mark.parametrize(("rear", "expected"), [(0.06, True), (0.07, False), (-0.07, False)])
+def test_front_wheels_that_give_way_leave_the_rear_ones_as_they_are(rear: float, expected: bool) -> None:
+    """Where tyres tell that the rear ones are others, by two spreads, it is no compliance, however large it may be."""
+    columns = tuple(INDEX[f"cornering_stiffness.{axle}_scale"] for axle in ("front", "rear"))
+    x = nothing()
+    x[list(columns)] = -0.2, rear
+    tyres: Any = SimpleNamespace(columns=columns, x=x, std=np.array([0.01, 0.033]))
+    one: Any = SimpleNamespace(vocabulary=BUILT_IN)
+    place = INDEX["steering_compliance.rad_per_n"]
+    y = nothing()
+    y[place] = 1.0e-6
+    for spread, is_rather in ((1.9e-6, True), (2.1e-6, False)):
+        gives: Any = SimpleNamespace(columns=(place,), x=y, std=np.array([spread]))
+        assert is_rather_something(one, gives, "steering_compliance") is is_rather
+        assert is_rather_something(one, gives, "steering_compliance", tyres) is (is_rather and expected)
+        # A load turns both.
+        assert is_rather_something(one, tyres, "cornering_stiffness", tyres)

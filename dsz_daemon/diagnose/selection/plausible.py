@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.steering import STEERING_COMPLIANCE
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.gains import far_off
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
@@ -47,7 +48,7 @@ _UNFELT = 0.5
 # A parameter is told by so many of its spreads.
 _TOLD = 2.0
 # And one that is off by so many is as likely as not to be none.
-_RATHER = 0.5
+_RATHER, _REAR_TYRES = 0.5, INDEX["cornering_stiffness.rear_scale"]
 # And two together, by their ellipse (chi squared, one in a thousand).
 _TOLD_TOGETHER = 13.8
 # So little of any unit is nothing.
@@ -126,19 +127,28 @@ def is_told(drive: Drive, fit: Fit, effect: str) -> bool:
     """
     parameters = drive.vocabulary.columns
     there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
-    told = effect in OWN_CHANNEL or any(
-        abs(fit.x[i]) >= max(parameters[i][1].least, _TOLD * fit.std[fit.columns.index(i)]) for i in there
-    )
+    told = effect in OWN_CHANNEL or any(_tells(drive, fit, i) for i in there)
     if effect == LOAD and not told:
         return _are_told(drive, fit, [i for i in there if math.isfinite(parameters[i][1].least)])
     return told or wheels_differ(drive, fit, effect)
 
 
-def is_rather_something(drive: Drive, fit: Fit, effect: str) -> bool:
-    """Whether one of an effect's parameters is something rather than nothing, however uncertain it is what."""
+def is_rather_something(drive: Drive, fit: Fit, effect: str, tyres: Fit | None = None) -> bool:
+    """Whether one of an effect's parameters is something rather than nothing, however uncertain it is what.
+
+    Front wheels that give way do not where tyres tell, in a fit of their own, that the rear ones are others.
+    """
+    if effect == STEERING_COMPLIANCE.name and tyres is not None and _tells(drive, tyres, _REAR_TYRES):
+        return False
     there = [i for i in drive.vocabulary.columns_of(effect) if i in fit.columns]
     told = [i for i in there if math.isfinite(drive.vocabulary.columns[i][1].least)]
     return any(abs(fit.x[i]) > _RATHER * fit.std[fit.columns.index(i)] for i in told)
+
+
+def _tells(drive: Drive, fit: Fit, i: int) -> bool:
+    return abs(float(fit.x[i])) >= max(
+        drive.vocabulary.columns[i][1].least, _TOLD * float(fit.std[fit.columns.index(i)])
+    )
 
 
 def does_nothing(drive: Drive, fit: Fit, effect: str) -> bool:

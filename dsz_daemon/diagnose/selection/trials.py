@@ -285,7 +285,8 @@ def enough_first(
     # How much of a load or a compliance is the tyres' leaves open, within what these may be off, not whether there is
     # one: where something surely turns the car otherwise, the first of those that do is what it gains.
     turning = [step for step in gaining if step.effect in SAME_TURN and step.gain > _SURELY_TURNS]
-    told |= {step.effect for step in turning if is_rather_something(drive, step.fit, step.effect)}
+    tyres = next((step.fit for step in turning if step.effect == "cornering_stiffness"), None)
+    told |= {step.effect for step in turning if is_rather_something(drive, step.fit, step.effect, tyres)}
 
     def is_vague(step: Step) -> bool:
         # From another start the same effect may be told, and gain as much.
