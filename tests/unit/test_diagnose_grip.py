@@ -12,7 +12,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting import moments as moments_module
 from dsz_daemon.diagnose.fitting.fit import fitted
-from dsz_daemon.diagnose.fitting.model import Fit
+from dsz_daemon.diagnose.fitting.model import Fit, values_of
 from dsz_daemon.diagnose.fitting.moments import in_the_middle, moments_of
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
 from dsz_daemon.diagnose.selection import trials as trials_module
@@ -134,6 +134,8 @@ def test_a_moment_is_as_sure_as_the_car_is_steered_there() -> None:
         fit = fitted(one, rows, x, ("low_friction",), TOLERANCE)
         fit = in_the_middle(one, rows, fit, TOLERANCE)
         told.append((fit.x[moment], fit.std[fit.columns.index(moment)]))
+        # That is what is told, too.
+        assert values_of(one, fit, "low_friction")["start_s"] == told[-1]
     (steered, surely), (straight, hardly) = told
     assert abs(steered - begins_s) < 1.0 < surely + 1e-9 < 2.0
     # Uniform over the straight, or all but its ends.
