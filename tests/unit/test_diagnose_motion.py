@@ -130,6 +130,29 @@ def test_wheels_that_give_way_are_softer_tyres_at_any_pace() -> None:
     np.testing.assert_allclose(gives[:, motion.FRONT_N], soft[:, motion.FRONT_N], rtol=1e-6, atol=1e-3)
 
 
+@pytest.mark.parametrize("relaxation_m", [0.0, 2.0])
+def test_a_car_whose_wheels_give_way_moves_as_its_equations_say(relaxation_m: float) -> None:
+    """Second route: scipy integrates v_y, r and the axles' forces, F' sigma/v = C (delta_0 - k F - heading) - F."""
+    v, k, steer = 15.0, 4e-6, 0.01 * np.sin(4.0 * math.pi * T)
+    rows = driven(NOMINAL._replace(compliance_rad_per_n=k, relaxation_m=relaxation_m), v, steer)
+    # Where forces follow at once, nearly so.
+    pace = v / max(relaxation_m, 1e-3)
+    a = np.array(
+        [
+            [0.0, -v, 1.0 / M, 1.0 / M],
+            [0.0, 0.0, LF / IZ, -LR / IZ],
+            [-pace * CF / v, -pace * CF * LF / v, -pace * (1.0 + k * CF), 0.0],
+            [-pace * CR / v, pace * CR * LR / v, 0.0, -pace],
+        ]
+    )
+    b = np.array([[0.0], [0.0], [pace * CF], [0.0]])
+    _, _, states = lsim((a, b, np.eye(4), np.zeros((4, 1))), steer, T)
+    for column, expected in ((motion.VY, states[:, 0]), (motion.R, states[:, 1]), (motion.FRONT_N, states[:, 2])):
+        off = np.max(np.abs(rows[:, column] - expected))
+        # Forces that build up are those of half a step before.
+        assert off < (0.004 if relaxation_m == 0.0 else 0.02) * np.max(np.abs(expected)), column
+
+
 def test_force_builds_up_over_the_relaxation_length() -> None:
     """Wheels turned at once, a car too heavy to follow: after sigma / v the front has 1 - 1/e of its force."""
     heavy = NOMINAL._replace(mass_kg=1e9, yaw_inertia_kgm2=1e9, relaxation_m=2.0)

@@ -122,7 +122,10 @@ def room(drive: Drive, x: Floats, columns: Sequence[int], tolerance: Mapping[str
 
 def values_of(drive: Drive, fit: Fit, effect: str, *, as_fitted: bool = False) -> dict[str, tuple[float, float]]:
     """(value, spread) of each parameter of an effect, as they are told; or `as_fitted`, as they are judged by."""
-    values, spreads = (fit.x[list(fit.columns)], fit.std) if fit.told is None or as_fitted else fit.told
+    values, spreads = fit.x[list(fit.columns)], fit.std
+    if fit.told is not None and not as_fitted:
+        # Of others a model may have been moved since: when a stretch begins to the middle of what is as good.
+        values, spreads = fit.told if effect in BESIDE_TYRES else (values, fit.told[1])
     own = drive.vocabulary.columns_of(effect) if effect else NUISANCES
     there = [(fit.columns.index(i), drive.vocabulary.columns[i][1].name) for i in own if i in fit.columns]
     return {name: (float(values[place]), float(spreads[place])) for place, name in there}
