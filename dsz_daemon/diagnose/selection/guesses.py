@@ -31,6 +31,7 @@ _FRICTIONS = np.geomspace(0.12, 1.0, 14)
 _ELLIPSES = 0.01, 1.0
 # What a row has to gain to count.
 _NOTHING = 0.02
+_TOLD_BY_INPUTS = np.array([False, False, True, True, True, False])
 _GYROS, _OF_A_MOUNT = 3, [INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "gyros", "accels")]
 _SWINGS_HZ, _DAMPINGS = np.geomspace(0.8, 4.0, 20), (0.04, 0.1, 0.25)
 _LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
@@ -49,14 +50,15 @@ def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple
 def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
     """An IMU that swings on its mount at the rate that leaves the least: with its gyros, and without.
 
-    What is compared is filtered alike, so what is predicted may swing after that as well.
+    What is compared is filtered alike, so what is predicted may swing after that as well. Judged by what steering and
+    wheels tell, not by a road that roll and pitch gyros have felt, which swings with them, nor by what they jolt.
     """
     if "soft_mount" in best.effects or quiet(drive, best)[:IMU].all():
         return []
     course, found = predicted(drive, best.x, best.road)[:, :IMU], list[tuple[str, Floats]]()
     used = rows.used[:, :IMU]
     count = np.count_nonzero(used, axis=0)
-    heard = count > _LEAST_ROWS
+    heard = (count > _LEAST_ROWS) & _TOLD_BY_INPUTS
     if not heard.any():
         return []
 
