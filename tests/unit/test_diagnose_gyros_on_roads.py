@@ -47,6 +47,7 @@ def tilted(
         {"gyro_scale.z": 0.2},
         {"gyro_cross_axis.xy": 0.3, "gyro_cross_axis.yx": -0.3},
         {"gyro_g_sensitivity.xx": 5e-3, "gyro_g_sensitivity.yx": 5e-3},
+        {"gyro_g_sensitivity.xx": 5e-3, "gyro_g_sensitivity.yx": 5e-3, "accel_scale.x": 0.9},
         {"gyro_g_sensitivity.xy": 5e-3, "gyro_g_sensitivity.yy": 5e-3},
         {"gyro_g_sensitivity.xz": 5e-3, "gyro_g_sensitivity.yz": 5e-3},
     ],

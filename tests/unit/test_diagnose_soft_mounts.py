@@ -30,7 +30,7 @@ LIVELY = (
 BUMPY_V = CITY_V + 0.03 * np.sin(11.0 * T) * np.sin(0.4 * T)
 
 
-def on_rubber(channels: list[int]) -> Drive:
+def on_rubber(channels: list[int], left_out: dict[str, float] | None = None) -> Drive:
     """A drive whose IMU stands on springs and dampers: the closed form, by another's hand."""
     rate = 2.0 * math.pi * HZ
     system = ([2.0 * DAMPING * rate, rate**2], [1.0, 2.0 * DAMPING * rate, rate**2])
@@ -40,7 +40,7 @@ def on_rubber(channels: list[int]) -> Drive:
         for c in channels:
             one.measured[:, c] += lsim(system, still[:, c] - still[0, c], T)[1] + still[0, c] - still[:, c]
 
-    return drive({}, BUMPY_V, LIVELY, change=swings)
+    return drive(left_out or {}, BUMPY_V, LIVELY, change=swings)
 
 
 @pytest.mark.parametrize(("hz", "damping"), [(1.0, 0.05), (1.9, 0.2), (3.5, 0.35)])
@@ -114,3 +114,12 @@ def test_where_nothing_is_left_nothing_swings() -> None:
     one = drive({}, BUMPY_V, LIVELY)
     rows = rows_of(one)
     assert guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)) == []
+
+
+@pytest.mark.parametrize(("scale", "is_guessed"), [(0.0, True), (0.2, True), (0.4, False)])
+def test_a_mount_is_guessed_where_it_halves_what_a_channel_has_left(scale: float, is_guessed: bool) -> None:
+    """What is wrong by more comes first."""
+    one = on_rubber([2, 3, 4], {"gyro_scale.z": scale, "accel_scale.x": scale, "accel_scale.y": scale})
+    rows = rows_of(one)
+    names = [name for name, _ in guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE))]
+    assert ("soft_mount" in names) is is_guessed

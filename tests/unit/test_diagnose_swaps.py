@@ -357,6 +357,25 @@ def test_a_search_says_a_scale_with_what_both_had_gained() -> None:
     assert "gyro_scale" in search_module._kept(found, TOLERANCE, found.best.effects, map).best.effects
 
 
+def test_what_is_kept_is_judged_by_the_order_in_which_all_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before any gave its place to another: else nobody would know that one did."""
+    one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
+    asked = list[tuple[str, ...]]()
+
+    def placed(found: Search, *_: object) -> Search:
+        return found._replace(best=found.best._replace(effects=("gyro_cross_axis",)))
+
+    def worth(*given: Any) -> dict[str, float]:
+        asked.append(tuple(given[5]))
+        raise StopIteration
+
+    monkeypatch.setattr(search_module, "_each_in_its_place", placed)
+    monkeypatch.setattr(search_module, "worth_now", worth)
+    with pytest.raises(StopIteration):
+        search_module.searched(one, rows_of(one), TOLERANCE)
+    assert asked == [("gyro_scale",)]
+
+
 def test_a_search_takes_two_instead_of_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     one = drive({"gyro_scale.z": -0.03, "steering_ratio.scale": 0.05}, CITY_V, CITY_STEER)
     rows, [level] = fits(one, ())

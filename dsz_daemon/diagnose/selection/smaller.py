@@ -217,7 +217,7 @@ def worth_now(
     for one in later & set(best.effects):
         mine[one] = max(mine[one], gained(drive, without(drive, rows, best, tolerance, (one,), each), best))
     gone = [place for place, effect in enumerate(came) if effect not in best.effects]
-    after = came[gone[0] + 1 :] if gone else ()
+    after = came[gone[0] :] if gone else ()
     for one in [effect for effect in after if effect in mine and not is_shape(effect)]:
         mine[one] = min(mine[one], gained(drive, without(drive, rows, best, tolerance, (one,), each), best))
     return mine

@@ -252,9 +252,9 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         value, std = swings["per_w2_s2"]
         hz = value**-0.5 / (2.0 * math.pi)
         rate = Coefficient(hz, 0.5 * hz * std / value, "Hz")
-        there = [c for c in range(len(IMU_CHANNELS)) if np.isfinite(drive.measured[:, c]).any()]
-        swing = [c for c in there if ("accels" in swings and c >= 3) or ("gyros" in swings and c < 3)]
-        found += [Shape(IMU_CHANNELS[c], "swings", rate, 1.0) for c in swing]
+        heard = [channel for c, channel in enumerate(IMU_CHANNELS) if np.isfinite(drive.measured[:, c]).any()]
+        swing = [one for one in heard if ("gyros" if one.startswith("gyro") else "accels") in swings]
+        found += [Shape(channel, "swings", rate, 1.0) for channel in swing]
     if "yaw_inertia" in told:
         value, std = values_of(drive, fit, "yaw_inertia")["share"]
         whole = drive.car.yaw_inertia_kgm2

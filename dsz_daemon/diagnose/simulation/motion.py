@@ -122,13 +122,13 @@ def _given_way(
     delta = steer - c F(delta), F = C (delta - heading) times `share` as far as grip goes: by a step of Newton at once
     where it goes all the way, else by some.
     """
-    per_rad = car.compliance_rad_per_n * share
-    delta = (steer_rad + per_rad * car.front_stiffness * heading_rad) / (1.0 + per_rad * car.front_stiffness)
+    rad_per_n = car.compliance_rad_per_n * share
+    delta = (steer_rad + rad_per_n * car.front_stiffness * heading_rad) / (1.0 + rad_per_n * car.front_stiffness)
     if ends_per_n > 0.0:
         for _ in range(_GIVES_WAY_ROUNDS):
             linear_n = car.front_stiffness * (delta - heading_rad)
-            off = delta - steer_rad + per_rad * limited(linear_n, ends_per_n, car.sharpness, curve)
-            delta -= off / (1.0 + per_rad * car.front_stiffness)
+            off = delta - steer_rad + rad_per_n * limited(linear_n, ends_per_n, car.sharpness, curve)
+            delta -= off / (1.0 + rad_per_n * car.front_stiffness)
     return delta
 
 
