@@ -188,3 +188,16 @@ def test_the_slow_part_is_a_gaussians_average_of_what_is_reflected_at_its_ends()
     reach = len(weights) // 2
     expected = np.convolve(np.pad(values, reach, mode="symmetric"), weights, mode="valid")
     np.testing.assert_allclose(_slow_part(values), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("flat_leans", [0.0, 0.5, 1.0])
+def test_a_body_that_stays_as_it_leans_shows_the_gyros_no_turn_of_it(flat_leans: float) -> None:
+    """Turning by 0.3 rad/s: leaning by 0.05 rad it pitches by r lean, diving by 0.02 it rolls by -r dive."""
+    moved, n = np.zeros((3, 12)), 3
+    moved[:, 1], moved[:, 5], moved[:, 7] = 0.3, 0.05, 0.02
+    none, level = np.zeros(3), np.eye(3)
+    still = (moved, np.full(n, 20.0), np.zeros(n), np.zeros(n), np.zeros(n))
+    shown = felt(*still, none, none, np.stack([level, 0.0 * level, level]), 0.01, 0.0, 0.0, 0.0, flat_leans)
+    np.testing.assert_allclose(shown[:, 0], -(1.0 - flat_leans) * 0.3 * 0.02, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 1], (1.0 - flat_leans) * 0.3 * 0.05, atol=1e-12)
+    np.testing.assert_allclose(shown[:, 2], 0.3, atol=1e-12)

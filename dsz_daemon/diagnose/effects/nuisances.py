@@ -21,7 +21,7 @@ TOLERATED = (
 # wheels that roll as if they were turned by next to nothing, or by nothing; or each about where the car turns.
 FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
-    *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("flat_roads", "flat_bends")),
+    *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("flat_roads", "flat_bends", "flat_leans")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
     Parameter("load_height_m", "m", 0.1, 0.0, 0.8, math.inf),
     *(*even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *even("steering_skew_s", "s", 0.002, 0.003, math.inf)),

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.fitting.descent import Place, Slope, descended
 from dsz_daemon.diagnose.fitting.drawings import told
 from dsz_daemon.diagnose.fitting.judgement import form_of, judged_model
 from dsz_daemon.diagnose.fitting.model import MOMENTS, OWN_CHANNEL, Fit, Slopes, nuisances, room
-from dsz_daemon.diagnose.fitting.mounts import MOUNT, TURNED, untold_turns
+from dsz_daemon.diagnose.fitting.mounts import LEANS, MOUNT, TURNED, untold_turns
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, floors, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import Box
@@ -31,7 +31,8 @@ from dsz_daemon.diagnose.surroundings.unfelt_grades import evenly_by
 
 # Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
-_SMALL_TURNS, _ENGINE = (INDEX[name] for name in ("small_turns", "wheel_slip.engine_brakes_mps2"))
+_SMALL_TURNS, _FLAT_LEANS = INDEX["small_turns"], INDEX["flat_leans"]
+_ENGINE = INDEX["wheel_slip.engine_brakes_mps2"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
 # Effects that are what may be a little off anyway, with more room.
@@ -76,6 +77,7 @@ def fitted(
     hidden = {one for effect in effects for one in _INSTEAD_OF.get(effect, {}).values()}
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | undrawn(effects)
+    hidden |= set() if LEANS & set(effects) else {_FLAT_LEANS}
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     hidden |= told(start) | (set() if tells_engine_from_brakes(drive.wheels) else {_ENGINE})
     first = [i for i in nuisances(tolerance) if i not in hidden]

@@ -12,7 +12,8 @@ from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 MOUNT = "imu_misalignment"
 # What turns an IMU against the road: drawn wholly, or by small angles.
-TURNED = frozenset({MOUNT, "suspension_roll", "suspension_pitch"})
+LEANS = frozenset({"suspension_roll", "suspension_pitch"})
+TURNED = LEANS | {MOUNT}
 # What gravity alone may show of these is a constant.
 BY_GRAVITY = frozenset({MOUNT, "accel_cross_axis", "gyro_g_sensitivity"})
 _ROLL, _PITCH, _YAW = (INDEX[f"{MOUNT}.{axis}_rad"] for axis in ("roll", "pitch", "yaw"))

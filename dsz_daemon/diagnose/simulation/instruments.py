@@ -47,6 +47,7 @@ def felt(
     small_turns: float = 0.0,
     flat_roads: float = 0.0,
     flat_bends: float = 0.0,
+    flat_leans: float = 0.0,
 ) -> Floats:
     """The IMU's readings (n, 6) at `lever_m` (3,) from the C.G., which is `body_m` (3,) from what the body leans about.
 
@@ -55,19 +56,21 @@ def felt(
     Of motion (n, 12), speed, its rate, bank and grade (n,). `axes` (3, 3, 3) are the sensors': rates shown of
     rates and of forces, forces shown of forces. `small_turns`: of a body drawn for small angles (1) the vertical shows
     nothing of what it leans by; `flat_roads`: of a road drawn as a tilt alone (1) nothing of how the car follows it;
-    `flat_bends`: of one whose tilts stay as they are as the car turns (1) the gyros show nothing of its turn.
+    `flat_bends`: of one whose tilts stay as they are as the car turns (1) the gyros show nothing of its turn;
+    `flat_leans`: nor do they of a body that leans and dives and stays so (1).
     """
     n = len(v_mps)
     vy, r, r_rate, across = moved[:, 0], moved[:, 1], moved[:, 2], moved[:, 3]
     lean, lean_rate, dive, dive_rate = moved[:, 5], moved[:, 6], moved[:, 7], moved[:, 8]
     # Euler rates to body rates, first order in the angles; the body's lean turns with the car.
     p_roads, q_roads = rate_of(bank_rad, dt_s), rate_of(grade_rad, dt_s)
-    p, q, roll, pitch, turns_too = np.empty(n), np.empty(n), np.empty(n), np.empty(n), 1.0 - flat_bends
+    p, q, roll, pitch = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    turns_too, leans_turn = 1.0 - flat_bends, 1.0 - flat_leans
     for i in range(n):
         p_roads[i] += turns_too * r[i] * grade_rad[i]
         q_roads[i] = turns_too * r[i] * bank_rad[i] - q_roads[i]
-        p[i] = p_roads[i] + lean_rate[i] - r[i] * dive[i]
-        q[i] = q_roads[i] + dive_rate[i] + r[i] * lean[i]
+        p[i] = p_roads[i] + lean_rate[i] - leans_turn * r[i] * dive[i]
+        q[i] = q_roads[i] + dive_rate[i] + leans_turn * r[i] * lean[i]
         roll[i], pitch[i] = bank_rad[i] + lean[i], dive[i] - grade_rad[i]
     p_rate, q_rate, rolling, diving = (
         rate_of(p, dt_s),

@@ -41,7 +41,7 @@ ALONG, ALONG_KERNEL = 3, filter_kernel(ALONG_FILTER_S)
 # Where an IMU's numbers stand among all of them; of matrices (3, 3) what is shown of what.
 _LIFT = INDEX["nose_lift.rad_per_v2"]
 _LEVER, _TURN = _places("imu_lever_arm", "x_m y_m z_m"), _places("imu_misalignment", "roll_rad pitch_rad yaw_rad")
-_SMALL_TURNS, _AS_DRAWN = INDEX["small_turns"], _places("", "small_turns flat_roads flat_bends")
+_SMALL_TURNS, _AS_DRAWN = INDEX["small_turns"], _places("", "small_turns flat_roads flat_bends flat_leans")
 _BODY = np.concatenate([_places("suspension_roll", "above_m"), _places("suspension_pitch", "above_m ahead_m")])
 # What instruments alone make of the motion, though the effects that have these move the car, too.
 SHOWN = frozenset([*_BODY.tolist(), *_AS_DRAWN.tolist()])
