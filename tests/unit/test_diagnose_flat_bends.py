@@ -10,6 +10,7 @@ from dsz_daemon.diagnose.effects.vocabulary import COLUMNS, INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.search import searched
+from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.prediction import SHOWN, predicted
@@ -41,18 +42,45 @@ def test_a_bank_that_stays_in_a_bend_hides_no_leak_and_needs_no_scale(flat_bends
     assert np.degrees(np.std(on_road(best.road, best.x).bank_rad - BANK_RAD)) < 0.1
 
 
-def test_how_a_bank_is_drawn_is_asked_of_a_bank_alone() -> None:
-    assert undrawn(()) == {FLAT_ROADS, FLAT_BENDS}
-    assert undrawn(("road_bank", "gyro_scale")) == set()
-    assert undrawn(("road_grade",)) == undrawn(("road_grade", "road_bank")) == {FLAT_BENDS}
+def test_how_a_road_is_drawn_is_asked_wherever_it_tilts() -> None:
+    assert undrawn(()) == undrawn(("suspension_roll",)) == {FLAT_ROADS, FLAT_BENDS}
+    assert undrawn(("road_bank", "gyro_scale")) == undrawn(("road_grade",)) == set()
+    assert undrawn(("road_grade", "road_bank")) == set()
     one = banked(1.0, 0.0)
     fit = fitted(one, rows_of(one), nothing(), ("road_bank",), TOLERANCE)
     assert FLAT_BENDS in fit.columns
     assert fit.x[FLAT_BENDS] > 0.8
     # What is not asked any more is as it is of a road.
-    both = fitted(one, rows_of(one), fit.x, ("road_bank", "road_grade"), TOLERANCE)
-    assert FLAT_BENDS not in both.columns
-    assert both.x[FLAT_BENDS] == 0.0
+    without = fitted(one, rows_of(one), fit.x, ("gyro_scale",), TOLERANCE)
+    assert FLAT_BENDS not in without.columns
+    assert without.x[FLAT_BENDS] == 0.0
+
+
+@pytest.mark.parametrize("flat_bends", [0.0, 1.0])
+def test_a_road_that_climbs_and_banks_is_found_however_it_is_drawn(flat_bends: float) -> None:
+    """A climb in bends shows the roll gyro r times itself, or nothing; of two tilts each shows the other's gyro."""
+    level = drive({}, CITY_V, STEER)
+    noise = level.measured - predicted(level, nothing(), flat(N))
+    x, grade_rad = nothing(), 0.04 * np.sin(0.11 * T + 1.0) + 0.02 * np.sin(0.31 * T)
+    x[FLAT_BENDS] = flat_bends
+    for bank_rad in (0.0 * BANK_RAD, BANK_RAD):
+        road = flat(N)._replace(bank_rad=bank_rad, grade_rad=grade_rad)
+        one = level._replace(measured=predicted(level, x, road) + noise)
+        best = searched(one, rows_of(one), TOLERANCE).best
+        assert set(best.effects) == {"road_grade", *(["road_bank"] if bank_rad.any() else [])}
+        assert best.x[FLAT_BENDS] == pytest.approx(flat_bends, abs=0.15)
+        found = on_road(best.road, best.x)
+        assert np.degrees(np.std(found.grade_rad - grade_rad)) < 0.1
+        assert np.degrees(np.std(found.bank_rad - bank_rad)) < 0.1
+
+
+def test_a_road_begins_at_neither_way_to_draw_it() -> None:
+    one = banked(1.0, 0.0)
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    starts = dict(starts_of(one, rows, plain, ["gyro_scale"]))
+    assert starts[("road_bank",)][FLAT_BENDS] == 0.5
+    assert starts[("gyro_scale",)][FLAT_BENDS] == 0.0
 
 
 def test_of_two_tilts_that_do_not_turn_into_each_other_neither_is_the_others() -> None:

@@ -44,8 +44,7 @@ _AS_GOOD = 5.0
 # Of two starts of an effect so close in log likelihood the drive does not choose.
 _ALIKE = 3.0
 # The most promising of two at once; and what makes a gyro show more than its own rate.
-_PAIRS = 3
-_OTHERS, _SHOWS_MORE = 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
+_PAIRS, _OTHERS, _SHOWS_MORE = 3, 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
 # And the most promising beside a wind.
 _BLOWN, _OTHERS_OF_A_WIND = "side_wind", 3
 # Than a shape, for two to come in its place; than one of the car, whose place has fewer names.
@@ -57,7 +56,7 @@ TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_l
 _HOPEFUL, _OFF, _HOPELESS = 0.4, 20.0, 0.0
 # Beside so many effects what lost the last time waits. What gained little does not: what came first may have hidden it.
 _SOME = 2
-# What a profile has lost after some rounds of its fit no further ones bring back.
+# What a profile has still lost after twice some rounds of its fit no further ones bring back.
 _LOST = -20.0
 # Nor of what is so little of a leader's gain, if that is much, and by further rounds gains no more than so much.
 _LITTLE, _MUCH, _FURTHER = 0.15, 50.0, 5.0
@@ -140,7 +139,8 @@ class Trial:
             stands = len(gains) > 1 and gains[-1] < min(behind, gains[-2] + _FURTHER)
             if not profiles:
                 return stands
-            return stands or gains[-1] < _LOST or any(is_implausible(self.drive, self.rows, fit, one) for one in new)
+            is_lost = len(gains) > 1 and gains[-1] < _LOST
+            return stands or is_lost or any(is_implausible(self.drive, self.rows, fit, one) for one in new)
 
         asked = is_hopeless if profiles or behind > 0.0 else None
         start = (self.drive, self.rows, x, effects, self.tolerance)

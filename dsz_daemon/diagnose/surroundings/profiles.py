@@ -238,15 +238,8 @@ class Felt:
 
 
 def undrawn(effects: Collection[str]) -> set[int]:
-    """Of how a road is drawn what is not asked beside these effects.
-
-    Whether tilts turn into each other is asked of a bank alone: where there are two, and one of them is not in the
-    model yet, what that does would be taken for it.
-    """
-    tilts = set(_TILTS) & set(effects)
-    asked = {"flat_roads"} if tilts else set[str]()
-    asked |= {_FLAT_BENDS} if tilts == {"road_bank"} else set()
-    return {INDEX[name] for name in {"flat_roads", _FLAT_BENDS} - asked}
+    """Of how a road is drawn what is not asked beside these effects: nothing where it tilts."""
+    return set() if set(_TILTS) & set(effects) else {INDEX[name] for name in ("flat_roads", _FLAT_BENDS)}
 
 
 def _with_tilt(
