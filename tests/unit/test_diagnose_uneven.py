@@ -182,6 +182,27 @@ def test_of_wheels_that_slip_radii_of_an_axle_are_told_where_resistance_is(
     assert [list(pair) for pair in asked] == sides[: 0 if resistance == 1.2 else 1 if apart else 2]
 
 
+@pytest.mark.parametrize(
+    ("rough", "off", "silent"),
+    [
+        ((1.0, 1.0, 50.0, 1.0), "rl", True),
+        ((1.0, 1.0, 4.0, 1.0), "rl", False),
+        ((1.0, 1.0, 50.0, 1.0), "fr", False),
+        ((1.0, 1.0, 50.0, 60.0), "rl", True),
+        ((50.0, 50.0, 50.0, 50.0), "rl", False),
+    ],
+)
+def test_a_wheel_whose_teeth_are_uneven_is_not_a_larger_one(rough: tuple[float, ...], off: str, silent: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    one.recording.floor[6:10] = 2e-3 * np.array(rough)
+    radii = tuple(INDEX[f"wheel_radius.{wheel}"] for wheel in ("fl", "fr", "rl", "rr"))
+    x = nothing()
+    x[INDEX[f"wheel_radius.{off}"]] = 0.015
+    fit: Any = SimpleNamespace(effects=("wheel_radius",), x=x, columns=radii, covariance=1e-8 * np.eye(4))
+    assert ("wheel_radius" in not_named(one, fit, fit.effects)) is silent
+    assert "wheel_radius" not in not_named(one, SimpleNamespace(effects=()), ())  # type: ignore[arg-type]
+
+
 def test_a_bank_that_a_roll_gyro_feels_is_named_beside_anything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unnamed, "is_unfelt", lambda _: False)
     fit: Any = SimpleNamespace(effects=("road_bank", "gyro_z: k*vx^2"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import combinations
 
 import numpy as np
 
@@ -30,6 +31,9 @@ _ONE_WITHOUT_A_GYRO = (
 _APART_SPREADS = 4.0
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 _SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for axle in "fr")
+# A wheel whose speed is so many times as rough as the smoothest one's has teeth that are not alike: rings that are as
+# good as each other differ by half, and one of which 3 % go round was 50 times as rough.
+_ROUGHER, _WHEELS = 5.0, slice(6, 10)
 
 
 def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
@@ -64,7 +68,8 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
             spreads = [abs(fit.x[i]) / fit.std[fit.columns.index(i)] for i in pair if i in fit.columns]
             names |= effects if max(spreads, default=0.0) < _APART_SPREADS else set()
     # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
-    if _rolls_otherwise(drive, fit):
+    # And what a wheel with uneven teeth is off by is theirs.
+    if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit):
         names |= {"wheel_radius"}
     # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
     if yaws & slides:
@@ -76,6 +81,15 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     if is_unfelt(drive) and (yaws or slides):
         names |= {"road_bank"}
     return names
+
+
+def _counts_unevenly(drive: Drive, fit: Fit) -> bool:
+    """Whether radii differ by wheels alone whose speed is rough: one tooth less of a ring is a larger wheel, too."""
+    if "wheel_radius" not in fit.effects:
+        return False
+    rough = np.nan_to_num(drive.recording.floor[_WHEELS])
+    even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= _ROUGHER * np.min(rough)]
+    return len(even) < len(rough) and not any(are_apart(drive, fit, *pair) for pair in combinations(even, 2))
 
 
 def _rolls_otherwise(drive: Drive, fit: Fit) -> bool:
