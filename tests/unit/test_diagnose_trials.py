@@ -84,10 +84,11 @@ def test_what_takes_long_comes_last_and_knows_what_the_others_came_to() -> None:
         # A leader that gains little is none.
         ("road_bank", 50.0, [3.0, 3.0, 3.0], 3),
         ("road_bank", 400.0, [70.0, 70.0, 70.0], 3),
-        # What a profile has lost no rounds bring back, whoever leads.
-        ("road_bank", 0.0, [-21.0, 10.0], 1),
-        ("side_wind imu_delay", 0.0, [-21.0, 10.0], 1),
-        ("gyro_scale road_bank", 0.0, [-19.0, 10.0], 2),
+        # What a profile has lost twice no rounds bring back, whoever leads.
+        ("road_bank", 0.0, [-50.0, 800.0], 2),
+        ("road_bank", 0.0, [-50.0, -30.0, 800.0], 2),
+        ("side_wind imu_delay", 0.0, [-50.0, -30.0, 800.0], 2),
+        ("gyro_scale road_bank", 0.0, [-50.0, -19.0, 800.0], 3),
     ],
 )
 def test_what_stands_still_far_behind_a_leader_is_left_there(
