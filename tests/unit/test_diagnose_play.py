@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from core_cases import TUCSON
-from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered, recorded
+from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.play import geared, held_back, lost_in_play, played
 from dsz_daemon.diagnose.simulation.prediction import predicted
@@ -34,6 +37,46 @@ def test_what_is_dragged_stands_half_the_play_behind_either_way() -> None:
     # Back by the play's width nothing moves; then it follows again.
     assert at[100 + 49] == pytest.approx(0.015, abs=2e-4)
     assert at[-1] == pytest.approx(-0.015)
+
+
+def test_wheels_that_pull_themselves_straight_stand_nearer_to_the_middle_on_either_side() -> None:
+    """Play of 0.01: nothing within 0.005, half of it less beyond, however the hand turns; in part half as much."""
+    there_and_back = np.array([0.0, 0.004, 0.02, 0.0, -0.004, -0.02, -0.01])
+    at = there_and_back - lost_in_play(there_and_back, 0.01, None, 1.0)
+    np.testing.assert_allclose(at, [0.0, 0.0, 0.015, 0.0, 0.0, -0.015, -0.005], atol=1e-12)
+    both = [lost_in_play(there_and_back, 0.01, None, centred) for centred in (0.0, 1.0)]
+    half = lost_in_play(there_and_back, 0.01, None, 0.5)
+    np.testing.assert_allclose(half, np.mean(both, axis=0), atol=1e-12)
+    assert np.abs(both[0] - both[1]).max() > 0.005
+
+
+@pytest.mark.parametrize(("width_rad", "centred"), [(0.012, 1.0), (0.004, 1.0), (0.012, 0.0)])
+def test_play_is_found_whichever_way_it_is_taken_up(width_rad: float, centred: float) -> None:
+    left_out = {"steering_backlash.width_rad": width_rad, "steering_backlash.centred": centred}
+    best = found(drive(left_out, CITY_V, CITY_STEER)).best
+    assert best.effects == ("steering_backlash",)
+    assert best.x[INDEX["steering_backlash.width_rad"]] == pytest.approx(width_rad, rel=0.1)
+    assert best.x[INDEX["steering_backlash.centred"]] == pytest.approx(centred, abs=0.15)
+
+
+def test_play_towards_the_middle_is_guessed_where_the_yaw_rate_has_it() -> None:
+    for left_out, is_there in (
+        ({"steering_backlash.width_rad": 0.012, "steering_backlash.centred": 1.0}, True),
+        ({"gyro_scale.z": 0.05}, False),
+        ({}, False),
+    ):
+        one = drive(left_out, CITY_V, CITY_STEER)
+        rows = rows_of(one)
+        plain = fitted(one, rows, nothing(), (), TOLERANCE)
+        starts = [x for new, x in starts_of(one, rows, plain, ["steering_backlash"]) if new == ("steering_backlash",)]
+        # And the way that play is screened by.
+        widths = sorted(float(x[INDEX["steering_backlash.width_rad"]]) for x in starts)
+        assert widths[0] == 0.0
+        assert len(widths) == (2 if is_there else 1)
+        if is_there:
+            assert widths[1] == pytest.approx(0.012, rel=0.4)
+        there = plain._replace(effects=("steering_backlash",))
+        assert ("steering_backlash",) not in dict(starts_of(one, rows, there, ["gyro_scale"]))
 
 
 def test_a_ratio_turns_the_road_wheels_less_and_less() -> None:

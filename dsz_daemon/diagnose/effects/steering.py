@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dsz_daemon.diagnose.effects.row import CAR, LATERAL, SPEED, STEERING_RATE, YAW_RATE, Effect, Parameter, even
 
 STEERING_DELAY = Effect(
@@ -50,7 +52,8 @@ STEERING_BACKLASH = Effect(
     "The steering has {width_rad:.4f} rad of play at the road wheels",
     "delta follows within +- width/2",
     CAR,
-    (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),),
+    # How much of it wheels that want to go straight ahead take up: never told.
+    (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4), Parameter("centred", "1", 0.5, 0.0, 1.0, math.inf)),
     source="dry play: what drags stands while what it drags may move",
     needs=(STEERING_RATE,),
 )

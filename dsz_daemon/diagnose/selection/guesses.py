@@ -35,6 +35,10 @@ _TOLD_BY_INPUTS = np.array([False, False, True, True, True, False])
 _GYROS, _OF_A_MOUNT = 3, [INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "gyros", "accels")]
 _SWINGS_HZ, _DAMPINGS = np.geomspace(0.8, 4.0, 20), (0.04, 0.1, 0.25)
 _LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
+# Play that wheels take up towards straight ahead: some, and what it has to explain of a yaw rate that is off.
+PLAY, _OF_PLAY, _SOME_PLAY, _A_PART = "steering_backlash", ("width_rad", "centred"), 0.01, 0.1
+_IN_PLAY = [INDEX[f"{PLAY}.{name}"] for name in _OF_PLAY]
+_PLAYS_RAD = 0.002, 0.05
 _MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
 # A stretch that gains so much of what the best does may be it.
 _ABOUT = 0.9
@@ -44,7 +48,28 @@ _SOME_SHARPNESS = 0.01
 
 def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
     """Effects with parameters (as in the `best` fit so far) to begin from."""
-    return [*_clipped(drive, rows, best.x), *_slippery(drive, rows, best, each), *_swings(drive, rows, best, each)]
+    steered = [*_slippery(drive, rows, best, each), *_centred(drive, rows, best)]
+    return [*_clipped(drive, rows, best.x), *steered, *_swings(drive, rows, best, each)]
+
+
+def _centred(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+    """Play of wheels that pull themselves straight ahead, where the yaw rate has what it does, as wide as that is.
+
+    What the hand loses as it turns round, by which play is screened, is nothing like it.
+    """
+    used = rows.used[:, _YAW]
+    if PLAY in best.effects or quiet(drive, best)[_YAW] or np.count_nonzero(used) < _LEAST_ROWS:
+        return []
+    x = best.x.copy()
+    x[_IN_PLAY] = _SOME_PLAY, 1.0
+    more = (predicted(drive, x, best.road) - predicted(drive, best.x, best.road))[rows.at[used], _YAW]
+    left = best.left[used, _YAW]
+    more, left = more - np.mean(more), left - np.mean(left)
+    both, own = float(more @ left), float(more @ more)
+    if own < _STILL or both <= 0.0 or both**2 < _A_PART * own * float(left @ left):
+        return []
+    x[_IN_PLAY[0]] = min(max(_SOME_PLAY * both / own, _PLAYS_RAD[0]), _PLAYS_RAD[1])
+    return [(PLAY, x)]
 
 
 def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:

@@ -13,7 +13,7 @@ from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, TILTS, Fit
 from dsz_daemon.diagnose.fitting.mounts import LEANS
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows
-from dsz_daemon.diagnose.selection.guesses import guesses
+from dsz_daemon.diagnose.selection.guesses import PLAY, guesses
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.screening import feels
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
@@ -86,7 +86,8 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
         starts = [*(start for start in starts if start[0] != (_SLIP,)), ((_SLIP,), slipping)]
     found = guesses(drive, rows, best, each)
     guessed: list[Start] = [((effect,), x) for effect, x in found if effect not in best.effects]
-    known = {effects for effects, _ in guessed}
+    # Play is guessed one way, and begins the other way as well.
+    known = {effects for effects, _ in guessed} - {(PLAY,)}
     return [*guessed, *(start for start in starts if start[0] not in known)]
 
 
