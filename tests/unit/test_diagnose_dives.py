@@ -19,6 +19,7 @@ from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.selection import screening as screening_module
+from dsz_daemon.diagnose.selection import starts as starts_module
 from dsz_daemon.diagnose.selection.plausible import are_one_turn
 from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.selection.trials import Step, rank_by
@@ -101,6 +102,8 @@ def test_a_dive_is_told_where_the_noise_of_the_wheels_pitches_the_simulation(mon
 
     for module in (judgement, screening_module):
         monkeypatch.setattr(module, "noise_of_a_dive", none)
+    # Nor is it tried because an accelerometer's scale is.
+    monkeypatch.setattr(starts_module, "LEANS", frozenset())
     assert "suspension_pitch" not in searched(one, rows, TOLERANCE).best.effects
 
 

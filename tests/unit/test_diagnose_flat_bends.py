@@ -10,7 +10,6 @@ from dsz_daemon.diagnose.effects.vocabulary import COLUMNS, INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection.search import searched
-from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.prediction import SHOWN, predicted
@@ -74,13 +73,15 @@ def test_a_road_that_climbs_and_banks_is_found_however_it_is_drawn(flat_bends: f
         assert np.degrees(np.std(found.bank_rad - bank_rad)) < 0.1
 
 
-def test_a_road_begins_at_neither_way_to_draw_it() -> None:
+def test_what_a_gyros_scale_does_to_a_tilt_that_turns_is_no_way_to_draw_it() -> None:
     one = banked(1.0, 0.0)
     rows = rows_of(one)
-    plain = fitted(one, rows, nothing(), (), TOLERANCE)
-    starts = dict(starts_of(one, rows, plain, ["gyro_scale"]))
-    assert starts[("road_bank",)][FLAT_BENDS] == 0.5
-    assert starts[("gyro_scale",)][FLAT_BENDS] == 0.0
+    bank = fitted(one, rows, nothing(), ("road_bank",), TOLERANCE)
+    both = fitted(one, rows, bank.x, ("road_bank", "gyro_scale"), TOLERANCE, felt=bank.felt)
+    assert FLAT_BENDS not in both.columns
+    assert both.x[FLAT_BENDS] == bank.x[FLAT_BENDS] > 0.8
+    # A road that is new is asked.
+    assert FLAT_BENDS in fitted(one, rows, nothing(), ("road_bank", "gyro_scale"), TOLERANCE).columns
 
 
 def test_of_two_tilts_that_do_not_turn_into_each_other_neither_is_the_others() -> None:

@@ -275,6 +275,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "fades_per_s",
                 "turns",
                 "sharpness",
+                "centred",
                 "ellipse",
                 "leans",
             }

@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.effects.vocabulary import GUESSED, INDEX
 from dsz_daemon.diagnose.fitting.descent import Place, Slope, descended
 from dsz_daemon.diagnose.fitting.drawings import told
 from dsz_daemon.diagnose.fitting.judgement import form_of, judged_model
-from dsz_daemon.diagnose.fitting.model import MOMENTS, OWN_CHANNEL, Fit, Slopes, nuisances, room
+from dsz_daemon.diagnose.fitting.model import MOMENTS, OWN_CHANNEL, TILTS, Fit, Slopes, nuisances, room
 from dsz_daemon.diagnose.fitting.mounts import LEANS, MOUNT, TURNED, untold_turns
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, floors, sensitivities
@@ -31,7 +31,11 @@ from dsz_daemon.diagnose.surroundings.unfelt_grades import evenly_by
 
 # Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
-_SMALL_TURNS, _FLAT_LEANS = INDEX["small_turns"], INDEX["flat_leans"]
+_SMALL_TURNS, _FLAT_LEANS, _FLAT_BENDS = (INDEX[name] for name in ("small_turns", "flat_leans", "flat_bends"))
+# A road that begins at either way to draw it may not find the other one.
+_UNTOLD = 0.5
+# What a road's tilt turns into shows in the other gyro, and there as much more or less of it is that gyro's scale.
+_SCALES_IT = "gyro_scale"
 _ENGINE = INDEX["wheel_slip.engine_brakes_mps2"]
 # Where it pushes is no course over time.
 _OF_THE_WIND = ("ahead_m", "leans")
@@ -78,6 +82,9 @@ def fitted(
     hidden |= {i for i, least_rad in _FROM_RAD.items() if float(np.max(np.abs(drive.steer))) < least_rad}
     hidden |= (set() if TURNED & set(effects) else {_SMALL_TURNS}) | undrawn(effects)
     hidden |= set() if LEANS & set(effects) else {_FLAT_LEANS}
+    profiles = set(effects) & set(OWN_CHANNEL)
+    tilts_anew = bool(profiles & TILTS) and (felt is None or felt.profiles & TILTS != profiles & TILTS)
+    hidden |= {_FLAT_BENDS} if _SCALES_IT in effects and not tilts_anew else set()
     hidden |= {BY_FORCE} if start[BY_FORCE] == 0.0 else set()
     hidden |= told(start) | (set() if tells_engine_from_brakes(drive.wheels) else {_ENGINE})
     first = [i for i in nuisances(tolerance) if i not in hidden]
@@ -93,11 +100,12 @@ def fitted(
     moments = [i for i, column in enumerate(words.columns) if column in MOMENTS]
     x[moments] = np.minimum(x[moments], len(drive.steer) * DT_S)
     x[[*undrawn(effects)]] = 0.0
+    if tilts_anew:
+        x[_FLAT_BENDS] = _UNTOLD
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in _INSTEAD_OF.get(effect, {}).items():
             x[mine], x[other] = x[mine] + x[other], 0.0
-    profiles = set(effects) & set(OWN_CHANNEL)
     if felt is not None and profiles - felt.profiles == {"side_wind"} and felt.profiles < profiles:
         felt = felt.blown(x, effects)
     if felt is None or felt.profiles != profiles:

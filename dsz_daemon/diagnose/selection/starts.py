@@ -9,7 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.gains import far_off
-from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, TILTS, Fit
+from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.fitting.mounts import LEANS
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows
@@ -30,7 +30,7 @@ _TRIED = 7
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
 # What an accelerometer shows more of a body that leans; and a body of which nothing is told of how it is drawn.
-_SHOWS_MORE, _FLAT_LEANS, _FLAT_BENDS, _UNTOLD = "accel_scale", INDEX["flat_leans"], INDEX["flat_bends"], 0.5
+_SHOWS_MORE, _FLAT_LEANS, _UNTOLD = "accel_scale", INDEX["flat_leans"], 0.5
 
 # Some load, and as much of it turns as has to.
 _SOME_LOAD, _OF_A_LOAD = 0.05, (INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.turns"])
@@ -53,10 +53,6 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
     roads = [name for name in OWN_CHANNEL if name not in best.effects and feels(drive, rows, best, name)]
     # What takes longest comes first, guesses and roads: several may be fitted side by side.
     starts: list[Start] = [((effect,), best.x) for effect in (*roads, *names[:_TRIED])]
-    # Whether tilts turn into each other, a road that begins at either end may not find the way to.
-    untold = best.x.copy()
-    untold[_FLAT_BENDS] = _UNTOLD
-    starts = [(new, untold if TILTS & set(new) else x) for new, x in starts]
     if "side_wind" in roads:
         starts = [*_winds(drive, best, each), *(start for start in starts if start[0] != ("side_wind",))]
     # The road that a gyro has felt has the body's lean in it: by one linear step none is left.
