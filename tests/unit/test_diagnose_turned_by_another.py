@@ -31,8 +31,9 @@ GYRO_Z, ACCEL_Y = 2, 4
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
         (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
         (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
-        # But for one that explains less than what it is beside.
-        (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0}, {"steering_ratio"}, ["gyro_z"]),
+        # But for one that explains less than what it is beside: that is none, either.
+        (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0}, {"steering_ratio", "tyre_saturation"}, ["gyro_z"]),
+        (("steering_ratio", "low_friction"), {"gyro_z": 1.4}, set(), []),
     ],
 )
 def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(

@@ -59,7 +59,7 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 
     Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
-    simulation has either right.
+    simulation has either right. One that explains less is no limit: what was chosen before it is not there.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     off = [level[channel] for channel in OF_A_TURN if channel in level]
@@ -67,7 +67,7 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
         return set(), []
     if max((found.gains[limit] for limit in limits), default=0.0) > max(found.gains[name] for name in names):
         return set(), []
-    return names, [channel for channel in OF_A_TURN if channel in level]
+    return names | limits, [channel for channel in OF_A_TURN if channel in level]
 
 
 def verdict(explained: bool, left: bool) -> str:
