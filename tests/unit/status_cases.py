@@ -96,7 +96,8 @@ class FakeDaemon:
         with contextlib.closing(socket):
             self._ready.set()
             while not self._stop.wait(0.002):
-                self.answered += socket.answer(self._next)
+                # One at a time: who asks again while the first is being answered would hear the same once more.
+                self.answered += socket.answer(self._next, at_most=1)
 
     def _next(self) -> bytes:
         self._text = next(self._texts, self._text)
