@@ -190,6 +190,9 @@ def test_of_wheels_that_slip_radii_of_an_axle_are_told_where_resistance_is(
         ((1.0, 1.0, 50.0, 1.0), "fr", False),
         ((1.0, 1.0, 50.0, 60.0), "rl", True),
         ((50.0, 50.0, 50.0, 50.0), "rl", False),
+        ((1.0, 0.0, 1.0, 1.0), "rl", False),
+        ((1.0, np.nan, 1.0, 1.0), "rl", False),
+        ((0.0, 0.0, 0.0, 0.0), "rl", False),
     ],
 )
 def test_a_wheel_whose_teeth_are_uneven_is_not_a_larger_one(rough: tuple[float, ...], off: str, silent: bool) -> None:

@@ -24,16 +24,17 @@ _DRAWINGS, _ALIKE_OR_NOT = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), (0.0, 1.0)
 _FROM_RAD, _APART_FROM_RAD = 0.08, 0.15
 # What a car has besides, and what is left out of it, moves the first two numbers by less.
 _NEAR, _SURE_OF_TWO = 0.25, 0.5
-_UNTOLD = 0.5
+# Of how a car is drawn nothing is told at first.
+UNTOLD = 0.5
 
 
 def untold(x: Floats, steer_rad: Floats) -> Floats:
     """The parameters with front wheels of which nothing is told yet, where they are turned (n,) so far as to matter."""
     found, most_rad = x.copy(), float(np.max(np.abs(steer_rad)))
     if most_rad > _FROM_RAD:
-        found[list(_TURNED)] = _UNTOLD, 0.0
+        found[list(_TURNED)] = UNTOLD, 0.0
     if most_rad > _APART_FROM_RAD:
-        found[_APART] = _UNTOLD
+        found[_APART] = UNTOLD
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from dsz_daemon.diagnose.effects.nuisances import OFFSETS
 from dsz_daemon.diagnose.effects.vocabulary import GUESSED, INDEX
 from dsz_daemon.diagnose.fitting.descent import Place, Slope, descended
-from dsz_daemon.diagnose.fitting.drawings import told
+from dsz_daemon.diagnose.fitting.drawings import UNTOLD, told
 from dsz_daemon.diagnose.fitting.judgement import form_of, judged_model
 from dsz_daemon.diagnose.fitting.model import MOMENTS, OWN_CHANNEL, TILTS, Fit, Slopes, nuisances, room
 from dsz_daemon.diagnose.fitting.mounts import LEANS, MOUNT, TURNED, untold_turns
@@ -32,8 +32,6 @@ from dsz_daemon.diagnose.surroundings.unfelt_grades import evenly_by
 # Of smaller road wheel angles a sine is the angle to a thousandth or two.
 _FROM_RAD = {INDEX["large_angles"]: 0.1}
 _SMALL_TURNS, _FLAT_LEANS, _FLAT_BENDS = (INDEX[name] for name in ("small_turns", "flat_leans", "flat_bends"))
-# A road that begins at either way to draw it may not find the other one.
-_UNTOLD = 0.5
 # What a road's tilt turns into shows in the other gyro, and there as much more or less of it is that gyro's scale.
 _SCALES_IT = "gyro_scale"
 _ENGINE = INDEX["wheel_slip.engine_brakes_mps2"]
@@ -101,7 +99,8 @@ def fitted(
     x[moments] = np.minimum(x[moments], len(drive.steer) * DT_S)
     x[[*undrawn(effects)]] = 0.0
     if tilts_anew:
-        x[_FLAT_BENDS] = _UNTOLD
+        # A road that begins at either way to draw it may not find the other one.
+        x[_FLAT_BENDS] = UNTOLD
     for effect in effects:
         # Beyond what may be off anyway it has one name, not two.
         for mine, other in _INSTEAD_OF.get(effect, {}).items():

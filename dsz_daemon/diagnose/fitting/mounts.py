@@ -11,8 +11,8 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 
 MOUNT = "imu_misalignment"
-# What turns an IMU against the road: drawn wholly, or by small angles.
 LEANS = frozenset({"suspension_roll", "suspension_pitch"})
+# What turns an IMU against the road: drawn wholly, or by small angles.
 TURNED = LEANS | {MOUNT}
 # What gravity alone may show of these is a constant.
 BY_GRAVITY = frozenset({MOUNT, "accel_cross_axis", "gyro_g_sensitivity"})

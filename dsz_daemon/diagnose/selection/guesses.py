@@ -36,9 +36,8 @@ _GYROS, _OF_A_MOUNT = 3, [INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", 
 _SWINGS_HZ, _DAMPINGS = np.geomspace(0.8, 4.0, 20), (0.04, 0.1, 0.25)
 _LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
 # Play that wheels take up towards straight ahead: some, and what it has to explain of a yaw rate that is off.
-PLAY, _OF_PLAY, _SOME_PLAY, _A_PART = "steering_backlash", ("width_rad", "centred"), 0.01, 0.1
-_IN_PLAY = [INDEX[f"{PLAY}.{name}"] for name in _OF_PLAY]
-_PLAYS_RAD = 0.002, 0.05
+PLAY, _SOME_PLAY_RAD, _A_PART = "steering_backlash", 0.01, 0.1
+_IN_PLAY, _PLAYS_RAD = [INDEX[f"{PLAY}.{name}"] for name in ("width_rad", "centred")], (0.002, 0.05)
 _MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
 # A stretch that gains so much of what the best does may be it.
 _ABOUT = 0.9
@@ -61,14 +60,14 @@ def _centred(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
     if PLAY in best.effects or quiet(drive, best)[_YAW] or np.count_nonzero(used) < _LEAST_ROWS:
         return []
     x = best.x.copy()
-    x[_IN_PLAY] = _SOME_PLAY, 1.0
+    x[_IN_PLAY] = _SOME_PLAY_RAD, 1.0
     more = (predicted(drive, x, best.road) - predicted(drive, best.x, best.road))[rows.at[used], _YAW]
     left = best.left[used, _YAW]
     more, left = more - np.mean(more), left - np.mean(left)
     both, own = float(more @ left), float(more @ more)
     if own < _STILL or both <= 0.0 or both**2 < _A_PART * own * float(left @ left):
         return []
-    x[_IN_PLAY[0]] = min(max(_SOME_PLAY * both / own, _PLAYS_RAD[0]), _PLAYS_RAD[1])
+    x[_IN_PLAY[0]] = min(max(_SOME_PLAY_RAD * both / own, _PLAYS_RAD[0]), _PLAYS_RAD[1])
     return [(PLAY, x)]
 
 

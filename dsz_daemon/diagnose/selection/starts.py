@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.drawings import UNTOLD
 from dsz_daemon.diagnose.fitting.gains import far_off
 from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, SAME_TURN, Fit
 from dsz_daemon.diagnose.fitting.mounts import LEANS
@@ -29,8 +30,8 @@ Start = tuple[tuple[str, ...], Floats]
 _TRIED = 7
 # What a road takes along, and where to begin with it: rad per m/s2, as passenger cars have it.
 _LEANS_WITH, _SOME_LEAN = {"road_bank": "suspension_roll", "road_grade": "suspension_pitch"}, 0.008
-# What an accelerometer shows more of a body that leans; and a body of which nothing is told of how it is drawn.
-_SHOWS_MORE, _FLAT_LEANS, _UNTOLD = "accel_scale", INDEX["flat_leans"], 0.5
+# What an accelerometer shows more of a body that leans; and how that is drawn.
+_SHOWS_MORE, _FLAT_LEANS = "accel_scale", INDEX["flat_leans"]
 
 # Some load, and as much of it turns as has to.
 _SOME_LOAD, _OF_A_LOAD = 0.05, (INDEX[f"{LOAD}.added_mass_kg"], INDEX[f"{LOAD}.turns"])
@@ -65,7 +66,7 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
     if _SHOWS_MORE in names[:_TRIED]:
         for effect in sorted(LEANS.difference(best.effects, names[:_TRIED])):
             leaning = best.x.copy()
-            leaning[[drive.vocabulary.columns_of(effect)[0], _FLAT_LEANS]] = _SOME_LEAN, _UNTOLD
+            leaning[[drive.vocabulary.columns_of(effect)[0], _FLAT_LEANS]] = _SOME_LEAN, UNTOLD
             starts.append(((effect,), leaning))
     if "bias_drift" in names[:_TRIED]:
         starts = [(new, _drifting(rows, best) if new == ("bias_drift",) else x) for new, x in starts]

@@ -55,8 +55,8 @@ def held_back(angle_rad: Floats, width_rad: float, softness: float) -> Floats:
 def lost_in_play(dragging_rad: Floats, width_rad: float, kernel: Floats | None, centred: float = 0.0) -> Floats:
     """By how much the road wheels (n,) stand behind what drags them, behind its low-pass if it has one.
 
-    `centred`: of wheels that nothing pulls (0) the play is taken up as the hand turns round; of wheels that pull
-    themselves straight ahead as far as it lets them (1) it is nearer to the middle that they stand, on either side.
+    `centred`: of wheels that nothing pulls (0) the play is taken up as the hand turns round; wheels that pull
+    themselves straight ahead as far as it lets them (1) stand nearer to the middle on either side, the sensor's zero.
     """
     lost: Floats = dragging_rad - played(dragging_rad, width_rad)
     if centred != 0.0:

@@ -88,7 +88,9 @@ def _counts_unevenly(drive: Drive, fit: Fit) -> bool:
     if "wheel_radius" not in fit.effects:
         return False
     rough = np.nan_to_num(drive.recording.floor[_WHEELS])
-    even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= _ROUGHER * np.min(rough)]
+    # A wheel that says nothing is no measure of the others.
+    smoothest = np.min(rough[rough > 0.0], initial=np.inf)
+    even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= _ROUGHER * smoothest]
     return len(even) < len(rough) and not any(are_apart(drive, fit, *pair) for pair in combinations(even, 2))
 
 
