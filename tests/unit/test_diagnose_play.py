@@ -12,6 +12,7 @@ from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered, recorded
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
+from dsz_daemon.diagnose.selection import guesses as guesses_module
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.play import geared, held_back, lost_in_play, played
@@ -77,6 +78,15 @@ def test_play_towards_the_middle_is_guessed_where_the_yaw_rate_has_it() -> None:
             assert widths[1] == pytest.approx(0.012, rel=0.4)
         there = plain._replace(effects=("steering_backlash",))
         assert ("steering_backlash",) not in dict(starts_of(one, rows, there, ["gyro_scale"]))
+
+
+def test_no_play_is_guessed_of_a_yaw_rate_that_is_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({"steering_backlash.width_rad": 0.012, "steering_backlash.centred": 1.0}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    plain = fitted(one, rows, nothing(), (), TOLERANCE)
+    assert "steering_backlash" in dict(guesses_module.guesses(one, rows, plain))
+    monkeypatch.setattr(guesses_module, "quiet", lambda *_: np.ones(13, dtype=bool))
+    assert "steering_backlash" not in dict(guesses_module.guesses(one, rows, plain))
 
 
 def test_a_ratio_turns_the_road_wheels_less_and_less() -> None:
