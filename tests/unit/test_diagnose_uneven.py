@@ -119,6 +119,8 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         (("gyro_scale", "accel_scale", "gyro_z: k*r where r > 0"), {"gyro_scale"}),
         (("gyro_scale", "accel_scale", "accel_y: k*ay*t"), {"accel_scale"}),
         (("gyro_scale", "accel_scale", "gyro_z: k*r^3"), set()),
+        (("gyro_scale", "accel_scale", "accel_y: k*sign(ay)"), {"accel_scale"}),
+        (("gyro_scale", "accel_scale", "accel_y: k*sign(ax)"), set()),
         ((RATIO, "cornering_stiffness", "tyres: k*t"), {"cornering_stiffness"}),
         (("mass_loading", "steering_compliance", "tyres: k*vx^2"), {"mass_loading", "steering_compliance"}),
         ((RATIO, "cornering_stiffness", "yaw moment: k*vx^2*ay"), {RATIO, "cornering_stiffness"}),

@@ -33,6 +33,11 @@ def is_uneven(shape: str) -> bool:
     return any(_is_of(shape, name) for name in _OWN.values())
 
 
+def sticks(shape: str, channel: str) -> bool:
+    """Whether the channel does not follow its own motion near none of it: by that much less it shows, at any size."""
+    return shape == f"sign({_OWN.get(channel)})"
+
+
 def is_anothers(shape: str, channel: str) -> bool:
     """Whether the shape is what another channel shows of its own."""
     return any(_is_of(shape, name) for other, name in _OWN.items() if other != channel)

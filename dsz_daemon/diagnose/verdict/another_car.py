@@ -25,6 +25,7 @@ from dsz_daemon.diagnose.verdict.configured import parameter_errors
 # Effects that are numbers of a car; and where an IMU is counts from the C.G. that is configured.
 NUMBERS = frozenset({"steering_ratio", "track_width", "yaw_inertia"}) | SAME_TURN
 _PLACE = "imu_lever_arm"
+_ODD = frozenset({"locked_axle", "soft_mount"})
 # How far apart two cars are, as shares. Forces and inertia count by the mass, which no drive tells: it stays.
 ROOM = {
     "front_cornering_stiffness_n_per_rad": 0.6,
@@ -76,7 +77,8 @@ def with_own_numbers(
         say("all numbers of the car at once explain more than names do")
     anew = searched(drive, found.rows, {**tolerance, **room}, say, each)
     # Wheels roll as any car's do, and numbers turn any car: where one doesn't, something else is wrong than numbers.
-    is_odd = any(map(is_of_the_car, anew.best.effects)) or "locked_axle" in anew.best.effects
+    # And an IMU that swings on its mount swings in its own way, of which numbers of the car take what is left.
+    is_odd = any(map(is_of_the_car, anew.best.effects)) or bool(_ODD & set(anew.best.effects))
     if is_odd or far_off(anew.drive, anew.best)[list(_OF_WHEELS)].any():
         return found, 0.0
     # Of a ratio and of axles that come to the same on a drive none is told: then names say more.

@@ -14,7 +14,7 @@ from dsz_daemon.diagnose.fitting.model import GRIP, SAME_TURN, Fit
 from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.shapes.eccentric import parts_of
-from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
+from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven, sticks
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 
@@ -50,8 +50,9 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # which tyres or a load take the rest.
     if any(map(steers_by_speed, said)):
         names |= {"steering_ratio", *SAME_TURN}
-    # Nor has what a sensor shows to one side, or as it warms up, a scale beside it.
-    names |= {f"{place.partition('_')[0]}_scale" for place, course in shapes if is_uneven(course)}
+    # Nor has what a sensor shows to one side, or as it warms up, or not near nothing, a scale beside it.
+    uneven = (place for place, course in shapes if is_uneven(course) or sticks(course, place))
+    names |= {f"{place.partition('_')[0]}_scale" for place in uneven}
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
     if "locked_axle" in sure and is_told(drive, fit, "locked_axle"):
         names |= {*TURNS}
