@@ -78,14 +78,15 @@ NAMELESS = (
     Effect(
         "soft_mount",
         "The IMU swings on its mount, by 1/omega^2 = {per_w2_s2:.4f} s2 and {damping:.2f} of critical damping",
-        "y''/omega^2 = 2 zeta (x' - y')/omega + x - y; reading = x + k (y - x)",
+        "y''/omega^2 = 2 zeta (c x' - y')/omega + x - y; reading = x + k (y - x)",
         SENSORS,
         (
             Parameter("per_w2_s2", "s2", 5e-4, 1.2e-3, 0.05, math.inf),
             Parameter("damping", "1", 0.05, 0.005, 0.4, math.inf),
-            # How much of that gyros and accelerometers show.
-            Parameter("gyros", "1", 0.1, 0.0, 1.5, 0.1),
-            Parameter("accels", "1", 0.1, 0.0, 1.5, 0.1),
+            # Of dampers that stand still, or of a sensor itself that swings, none.
+            Parameter("carried", "1", 0.5, 0.0, 1.0, math.inf),
+            # How much of that gyros and each accelerometer show: a bracket may be soft to one side.
+            *(Parameter(name, "1", 0.1, 0.0, 1.5, 0.1) for name in ("gyros", "accel_x", "accel_y", "accel_z")),
         ),
         source="Den Hartog, Mechanical Vibrations, 4th ed., section 2.12: transmissibility",
     ),

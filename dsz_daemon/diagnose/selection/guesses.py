@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -32,7 +31,8 @@ _ELLIPSES = 0.01, 1.0
 # What a row has to gain to count.
 _NOTHING = 0.02
 _TOLD_BY_INPUTS = np.array([False, False, True, True, True, False])
-_GYROS, _OF_A_MOUNT = 3, [INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "gyros", "accels")]
+_SWINGING = ("per_w2_s2", "damping", "carried", "gyros", "accel_x", "accel_y", "accel_z")
+_OF_A_MOUNT = [INDEX[f"soft_mount.{name}"] for name in _SWINGING]
 _SWINGS_HZ, _DAMPINGS = np.geomspace(0.8, 4.0, 20), (0.04, 0.1, 0.25)
 _LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
 # Play that wheels take up towards straight ahead: some, and what it has to explain of a yaw rate that is off.
@@ -72,42 +72,44 @@ def _centred(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
 
 
 def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:
-    """An IMU that swings on its mount at the rate that leaves the least: with its gyros, and without.
+    """An IMU that swings on its mount at the rate that leaves the least, in each channel that it leaves less of.
 
     What is compared is filtered alike, so what is predicted may swing after that as well. Judged by what steering and
     wheels tell, not by a road that roll and pitch gyros have felt, which swings with them, nor by what they jolt.
     """
     if "soft_mount" in best.effects or quiet(drive, best)[:IMU].all():
         return []
-    course, found = predicted(drive, best.x, best.road)[:, :IMU], list[tuple[str, Floats]]()
+    course = predicted(drive, best.x, best.road)[:, :IMU]
     used = rows.used[:, :IMU]
     count = np.count_nonzero(used, axis=0)
     heard = (count > _LEAST_ROWS) & _TOLD_BY_INPUTS
     if not heard.any():
         return []
 
-    def powers(more: Floats, gyros: float) -> Floats:
+    def powers(more: Floats) -> Floats:
         """What is left of each channel (6,), whose offset is free."""
-        left = np.where(used, best.left[:, :IMU] - more[rows.at] * np.where(np.arange(IMU) < _GYROS, gyros, 1.0), 0.0)
+        left = np.where(used, best.left[:, :IMU] - more[rows.at], 0.0)
         mean = np.sum(left, axis=0) / np.maximum(count, 1)
         return np.asarray(np.maximum(np.sum((left - mean) ** 2, axis=0, where=used), _STILL))
 
-    before = powers(np.zeros_like(course), 0.0)
+    before = powers(np.zeros_like(course))
 
-    def gained_by(way: tuple[float, float], gyros: float) -> tuple[float, float]:
-        """Log likelihood, each channel as it scatters by itself, since wheels' noise swings; and the least share."""
+    def left_by(way: tuple[float, float]) -> Floats:
+        """The share (6,) of what is left of each channel that a mount which swings so leaves of it, 1 at most."""
         hz, damping = way
-        shares = powers(swung(course, 2.0 * math.pi * hz, damping, DT_S) - course, gyros) / before
-        return float(np.sum((-0.5 * count / best.per_row[:IMU] * np.log(shares))[heard])), float(np.min(shares[heard]))
+        return np.minimum(powers(swung(course, 2.0 * math.pi * hz, damping, DT_S) - course) / before, 1.0)
 
-    for gyros in (1.0, 0.0):
-        ways = [*product(_SWINGS_HZ.tolist(), _DAMPINGS)]
-        (more, share), (hz, damping) = max(zip(each(partial(gained_by, gyros=gyros), ways), ways, strict=True))
-        if more > _LEAST and share < _MUCH_LESS:
-            x = best.x.copy()
-            x[_OF_A_MOUNT] = (2.0 * math.pi * hz) ** -2, damping, gyros, 1.0
-            found.append(("soft_mount", x))
-    return found
+    def worth(left: Floats) -> float:
+        """Log likelihood, each channel as it scatters by itself, since wheels' noise swings."""
+        return float(np.sum((-0.5 * count / best.per_row[:IMU] * np.log(left))[heard]))
+
+    ways = [*product(_SWINGS_HZ.tolist(), _DAMPINGS)]
+    left, (hz, damping) = max(zip(each(left_by, ways), ways, strict=True), key=lambda one: worth(one[0]))
+    if worth(left) <= _LEAST or np.min(left[heard]) >= _MUCH_LESS:
+        return []
+    x = best.x.copy()
+    x[_OF_A_MOUNT] = (2.0 * math.pi * hz) ** -2, damping, 1.0, *(left[_YAW:] < 1.0)
+    return [("soft_mount", x)]
 
 
 def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:

@@ -39,6 +39,8 @@ BY_CHANCE = math.log(150.0)
 CHOSEN_OF_MANY = BY_CHANCE + 3.0
 # A sensor that sticks does so within some tenths of a m/s2 of nothing.
 _STUCK_MPS2 = 0.2
+# So much of how a mount swings, a channel shows, or none.
+_SHOWS = 0.1
 # What drive and brakes turn front wheels by is in every car a little (docs/decisions/0031); more, and surely, is not.
 _PULLS = {"drive_steer": "ax where ax > 0", "brake_steer": "ax where ax < 0"}
 
@@ -253,7 +255,8 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         hz = value**-0.5 / (2.0 * math.pi)
         rate = Coefficient(hz, 0.5 * hz * std / value, "Hz")
         heard = [channel for c, channel in enumerate(IMU_CHANNELS) if np.isfinite(drive.measured[:, c]).any()]
-        swing = [one for one in heard if ("gyros" if one.startswith("gyro") else "accels") in swings]
+        shares = ((one, swings.get("gyros" if one.startswith("gyro") else one, (0.0, 0.0))) for one in heard)
+        swing = [channel for channel, (share, std) in shares if share > max(_SHOWS, std)]
         found += [Shape(channel, "swings", rate, 1.0) for channel in swing]
     if "yaw_inertia" in told:
         value, std = values_of(drive, fit, "yaw_inertia")["share"]

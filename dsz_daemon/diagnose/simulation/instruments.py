@@ -127,16 +127,18 @@ def followed(values: Floats, time_constant_s: float, dt_s: float) -> Floats:
 
 
 @compiled
-def swung(values: Floats, rate_radps: float, damping: float, dt_s: float) -> Floats:
+def swung(values: Floats, rate_radps: float, damping: float, dt_s: float, carried: float = 1.0) -> Floats:
     """How a mass on springs and dampers moves if what it stands on moves as each column of the values (n, c) does.
 
-    y'' / w^2 = 2 d (x' - y') / w + x - y, from rest at the first one on, by the bilinear transform that is right at w.
+    y'' / w^2 = 2 d (c x' - y') / w + x - y, from rest at the first one on, by the bilinear transform that is right at
+    w; `carried` (c) is how much of its dampers stands on that as well, and not still.
     """
     k = rate_radps / math.tan(0.5 * rate_radps * dt_s)
     square, drag = rate_radps**2, 2.0 * damping * rate_radps * k
     whole = k * k + drag + square
     one, two = 2.0 * (square - k * k) / whole, (k * k - drag + square) / whole
-    now, before, last = (square + drag) / whole, 2.0 * square / whole, (square - drag) / whole
+    moved = carried * drag
+    now, before, last = (square + moved) / whole, 2.0 * square / whole, (square - moved) / whole
     found = np.empty_like(values)
     for j in range(values.shape[1]):
         x1 = x2 = y1 = y2 = values[0, j]

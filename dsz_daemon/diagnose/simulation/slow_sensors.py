@@ -14,17 +14,18 @@ from dsz_daemon.diagnose.simulation.rolling import earlier
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 _FOLLOWS, _LATE = INDEX["sensor_bandwidth.time_constant_s"], INDEX["imu_delay.delay_s"]
-_SWINGS = tuple(INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "gyros", "accels"))
-_GYROS = 3
+_SWINGS = tuple(INDEX[f"soft_mount.{name}"] for name in ("per_w2_s2", "damping", "carried"))
+# Of gyros and accelerometers, and of nothing that is no IMU's.
+_SHOWN = [INDEX[f"soft_mount.{name}"] for name in ("gyros", "gyros", "gyros", "accel_x", "accel_y", "accel_z")]
 _CLOCK, _LATER = INDEX["imu_clock.late_s"], INDEX["imu_clock.per_s"]
 
 
 def smoothed(reads: Floats, x: Floats) -> Floats:
     """Readings (n, c) of sensors that follow slowly, and are late: from the middle of the time on by more, or less."""
-    per_w2_s2, damping, gyros, accels = x[list(_SWINGS)].tolist()
+    per_w2_s2, damping, carried = x[list(_SWINGS)].tolist()
     if per_w2_s2 > 0.0:
-        swings = swung(reads, per_w2_s2**-0.5, damping, DT_S)
-        reads = reads + np.where(np.arange(reads.shape[1]) < _GYROS, gyros, accels) * (swings - reads)
+        swings = swung(reads, per_w2_s2**-0.5, damping, DT_S, carried)
+        reads = reads + x[_SHOWN] * (swings - reads)
     if x[_FOLLOWS] > 0.0:
         reads = followed(reads, float(x[_FOLLOWS]), DT_S)
     late_s, later = float(x[_LATE] + x[_CLOCK]), float(x[_LATER])
