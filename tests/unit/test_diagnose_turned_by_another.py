@@ -28,9 +28,23 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("steering_ratio",), {"gyro_z": 0.9, "accel_y": 60.0}, set(), []),
         (("steering_ratio",), {"gyro_z": 60.0, "accel_y": 1.4}, set(), []),
         (("steering_ratio",), {"accel_x": 60.0}, set(), []),
+        # But where that is said to swing, it is right then.
+        (("steering_ratio", "soft_mount"), {"gyro_z": 0.9, "accel_y": 1.6}, {"steering_ratio"}, ["gyro_z", "accel_y"]),
+        (("steering_ratio", "soft_mount"), {"gyro_z": 0.9, "accel_y": 1.4}, set(), []),
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
         (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
         (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
+        (("low_friction",), {"gyro_z": 2.6, "accel_y": 1.8, "wheel_speed_fl": 5.0}, set(), []),
+        (("low_friction",), {"gyro_z": 1.4, "accel_y": 9.0, "wheel_speed_fl": 50.0}, set(), []),
+        (("low_friction",), {"gyro_z": 9.0}, set(), []),
+        # But for one that has both wrong by far, or wheels as well.
+        (("low_friction",), {"gyro_z": 3.1, "accel_y": 5.0}, {"low_friction"}, ["gyro_z", "accel_y"]),
+        (
+            ("tyre_saturation", "steering_ratio"),
+            {"gyro_z": 1.6, "accel_y": 1.8, "wheel_speed_fl": 7.0},
+            {"tyre_saturation", "steering_ratio"},
+            ["gyro_z", "accel_y"],
+        ),
         # But for one that explains less than what it is beside: that is none, either.
         (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0}, {"steering_ratio", "tyre_saturation"}, ["gyro_z"]),
         (("steering_ratio", "low_friction"), {"gyro_z": 1.4}, set(), []),

@@ -62,6 +62,13 @@ NAMELESS = (
         ),
     ),
     Effect(
+        "steering_slip",
+        "The steering sensor's zero jumps by {jump_rad:.4f} rad of road wheel at {at_s:.1f} s",
+        "delta = (hand - z(t)) / ratio, z another from a moment on",
+        CAR,
+        (Parameter("jump_rad", "rad", 0.002, -0.1, 0.1, 5e-4), Parameter("at_s", "s", 0.1, 0.0, 1e5, math.inf)),
+    ),
+    Effect(
         "nose_lift",
         "The nose lifts by {rad_per_v2:.1e} rad of the square of the speed",
         "theta = -k v^2",

@@ -75,7 +75,7 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 # What has no slope at 0: really fitted from a guess, never screened by a secant.
-GUESSED = ("sensor_saturation", "low_friction", "soft_mount")
+GUESSED = ("sensor_saturation", "low_friction", "soft_mount", "steering_slip")
 
 _BUILT_IN_ROWS = len(EFFECTS) + len(ROAD) + len(NAMELESS)
 

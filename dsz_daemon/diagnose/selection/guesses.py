@@ -38,6 +38,9 @@ _LEAST_ROWS, _STILL, _MUCH_LESS = 300, 1e-12, 0.5
 # Play that wheels take up towards straight ahead: some, and what it has to explain of a yaw rate that is off.
 PLAY, _SOME_PLAY_RAD, _A_PART = "steering_backlash", 0.01, 0.1
 _IN_PLAY, _PLAYS_RAD = [INDEX[f"{PLAY}.{name}"] for name in ("width_rad", "centred")], (0.002, 0.05)
+# A steering sensor's zero, that slips: by so much, for a slope; and no nearer to an end than so much of what tells it.
+SLIP, _ZERO, _SOME_ZERO_RAD, _AT_AN_END = "steering_slip", INDEX["steering_offset.offset_rad"], 1e-3, 0.05
+_OF_A_SLIP = [INDEX[f"{SLIP}.{name}"] for name in ("jump_rad", "at_s")]
 _MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
 # A stretch that gains so much of what the best does may be it.
 _ABOUT = 0.9
@@ -47,7 +50,7 @@ _SOME_SHARPNESS = 0.01
 
 def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
     """Effects with parameters (as in the `best` fit so far) to begin from."""
-    steered = [*_slippery(drive, rows, best, each), *_centred(drive, rows, best)]
+    steered = [*_slippery(drive, rows, best, each), *_centred(drive, rows, best), *_slips(drive, rows, best)]
     return [*_clipped(drive, rows, best.x), *steered, *_swings(drive, rows, best, each)]
 
 
@@ -69,6 +72,39 @@ def _centred(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
         return []
     x[_IN_PLAY[0]] = min(max(_SOME_PLAY_RAD * both / own, _PLAYS_RAD[0]), _PLAYS_RAD[1])
     return [(PLAY, x)]
+
+
+def _slips(drive: Drive, rows: Rows, best: Fit) -> list[tuple[str, Floats]]:
+    """A steering sensor that slips on its shaft, when most of the yaw rate is two zeros of it, one after the other.
+
+    What one more zero turns the car by is known; two, with a moment between them, are two such numbers. A car forgets
+    in less than a second which it had.
+    """
+    used = rows.used[:, _YAW]
+    if SLIP in best.effects or quiet(drive, best)[_YAW] or np.count_nonzero(used) < _LEAST_ROWS:
+        return []
+    x = best.x.copy()
+    x[_ZERO] += _SOME_ZERO_RAD
+    more = (predicted(drive, x, best.road) - predicted(drive, best.x, best.road))[rows.at[used], _YAW] / _SOME_ZERO_RAD
+    weight = best.scatter[rows.block[used], _YAW] ** -2.0
+    # By least squares, of which both begin anew: what has one zero throughout is that of the model so far.
+    squares, cross = np.cumsum(weight * more**2), np.cumsum(weight * more * best.left[used, _YAW])
+    least = _AT_AN_END * squares[-1]
+    between = np.flatnonzero((squares > least) & (squares < squares[-1] - least))
+    if not len(between):
+        return []
+    before, after = squares[between], squares[-1] - squares[between]
+    gained = cross[between] ** 2 / before + (cross[-1] - cross[between]) ** 2 / after - cross[-1] ** 2 / squares[-1]
+    at = int(between[np.argmax(gained)])
+    power = float(np.sum(weight * best.left[used, _YAW] ** 2)) - cross[-1] ** 2 / squares[-1]
+    if float(np.max(gained)) < _MUCH_LESS * power:
+        return []
+    x = best.x.copy()
+    x[_OF_A_SLIP] = (
+        (cross[-1] - cross[at]) / (squares[-1] - squares[at]) - cross[at] / squares[at],
+        rows.at[used][at] * DT_S,
+    )
+    return [(SLIP, x)]
 
 
 def _swings(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str, Floats]]:

@@ -17,7 +17,13 @@ from dsz_daemon.diagnose.fitting.moments import SHORTEST_S, moments_of
 from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
-from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.selection.tilts import (
+    follows_the_drive,
+    goes_to_and_fro,
+    pulls_nothing,
+    tips_at_once,
+    tips_only_what_stands_on_it,
+)
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
@@ -27,7 +33,7 @@ from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.wheel_readings import locks_in_front
 from dsz_daemon.diagnose.surroundings.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, goes_by_the_speed, rises_and_falls, way_of
-from dsz_daemon.diagnose.surroundings.winds import follows_the_car
+from dsz_daemon.diagnose.surroundings.winds import changes_once, follows_the_car
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
@@ -93,7 +99,9 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
-        if is_no_road or pulls_nothing(drive, rows, fit, effect):
+        if is_no_road or pulls_nothing(drive, rows, fit, effect) or tips_at_once(drive, fit, effect):
+            return True
+        if effect == "road_bank" and follows_the_drive(drive, fit):
             return True
         may_lift_nothing = effect == "road_grade" and goes_to_and_fro(drive, fit)
         if not may_lift_nothing and tips_only_what_stands_on_it(drive, rows, fit, effect):
@@ -229,7 +237,7 @@ def _holds_wheels_together(drive: Drive, fit: Fit) -> bool:
 def _is_no_wind(drive: Drive, fit: Fit) -> bool:
     """Whether what pushes is of the car, or of the road."""
     by_place = _lulls(drive, fit) or _pushes_an_axle(drive, fit) or _is_a_bank_unfelt(drive, fit)
-    return by_place or follows_the_car(drive, fit.x, fit.road)
+    return by_place or follows_the_car(drive, fit.x, fit.road) or changes_once(drive, fit.road)
 
 
 def _lulls(drive: Drive, fit: Fit) -> bool:

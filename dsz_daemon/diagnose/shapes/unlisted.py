@@ -272,10 +272,22 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
     if "nose_lift" in told:
         value, std = values_of(drive, fit, "nose_lift")["rad_per_v2"]
         found.append(Shape("accel_x", "k*vx^2", Coefficient(G * value, G * std, "(m/s2)/(m2/s2) of the pitch"), 1.0))
+    return [*found, *_of_the_steering(drive, fit, told)]
+
+
+def _of_the_steering(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
+    """How the front wheels do not follow the hand wheel, or its sensor does not."""
+    found = list[Shape]()
     if "steering_lag" in told:
         value, std = values_of(drive, fit, "steering_lag")["time_constant_s"]
         late = Coefficient(-value, std, "rad/(rad/s) of the front wheels")
         found.append(Shape("gyro_z", "k*delta'", late, 1.0))
+    if "steering_slip" in told:
+        told_rad, told_s = (values_of(drive, fit, "steering_slip")[name] for name in ("jump_rad", "at_s"))
+        jump = Coefficient(*told_rad, "rad of the front wheels")
+        time_s = drive.recording.time_s
+        since_s = float(time_s[min(round(told_s[0] / DT_S), len(time_s) - 1)])
+        found.append(Shape("gyro_z", f"k from {since_s:.1f} s on", jump, 1.0))
     if "steering_friction" in told:
         value, std = values_of(drive, fit, "steering_friction")["width_rad"]
         behind = Coefficient(-0.5 * value, 0.5 * std, "rad of the front wheels, softly")

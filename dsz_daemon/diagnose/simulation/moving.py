@@ -30,9 +30,13 @@ ROLL = frozenset(
     {"steering_ratio", "steering_delay", "steering_offset", "wheel_radius", "wheel_square", "wheel_speed_delay"}
     | {"steering_lag", "wheel_growth", "wheels_more", "wheel_slip", "tyre_saturation", "low_friction", "road_grade"}
     | {"steering_skew_s", "large_angles", "drive_steer", "brake_steer", "steers_by_force"}
-    | {"small_wheels", "unturned_wheels", "steering_backlash", "steering_friction"}
+    | {"small_wheels", "unturned_wheels", "steering_backlash", "steering_friction", "steering_slip"}
 )
 _OF_ROLL = np.array([i for i, (effect, parameter) in enumerate(BUILT_IN.columns) if ROLL & {effect, parameter.name}])
+
+
+# What jumps is there within so long.
+_JUMPS_S = 0.2
 
 
 class Moving(NamedTuple):
@@ -92,6 +96,11 @@ def driven(drive: Drive, x: Floats, road: Profiles, rolls: Rolling | None = None
     return Moving(m, v, v_rate, compared, -at("mass_loading.cg_shift_m"), road, rolls)
 
 
+def since(at_s: float, n: int) -> Floats:
+    """What is nothing before a moment, and 1 from then on (n,), by a slope that has a derivative by when that is."""
+    return np.clip((np.arange(n) * DT_S - at_s) / _JUMPS_S + 0.5, 0.0, 1.0)
+
+
 def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     """What is known before the car moves sideways, for the parameters of `ROLL` on this road with `x`'s corrections."""
     road = on_road(road, x)
@@ -110,6 +119,8 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
         steer = followed(steer.reshape(-1, 1), at("steering_lag.time_constant_s"), DT_S)[:, 0]
     late_s = at("steering_delay.delay_s") + at("steering_skew_s")
     steer = earlier(steer / (1.0 + at("steering_ratio")), late_s) + at("steering_offset.offset_rad")
+    if (jump_rad := at("steering_slip.jump_rad")) != 0.0:
+        steer = steer + jump_rad * since(at("steering_slip.at_s"), len(steer))
     if at("large_angles") != 0.0:
         # An angle for its sine, or for its tangent.
         steer = steer + at("large_angles") * (steer * steer * steer)

@@ -34,9 +34,13 @@ _LEAST_ARM_M = 0.1
 # Of a wind's lean: at the C.G.'s height it is 1, at the road's 0.
 _ON_THE_BODY = 0.5
 # A wind knows nothing of the road: of its power what follows the car's own turning of the last seconds, on blocks that
-# have not been seen. Winds that there were had up to 0.35 of it, a liquid that goes to and fro 0.67 and 0.80.
-_FOLLOWS, _LATER_S, _SOON_S, _EVERY_ROWS, _RIDGE = 0.5, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 1.0), 20, 1e-3
-_ENOUGH = 200
+# have not been seen. Winds that there were had up to 0.35 of it, a liquid that goes to and fro 0.45, 0.67 and 0.80;
+# and from some time on, not before, up to 0.13 of it, a load that came on board on the way 0.67.
+_FOLLOWS, _LATER_S, _SOON_S, _EVERY_ROWS, _RIDGE = 0.42, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 1.0), 20, 1e-3
+_ENOUGH, _FROM = 200, (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
+# And what changes once, from one push to another, at this speed or more: winds that there were had up to 0.43 of their
+# power in it, a steering sensor that slips on its shaft 0.98.
+_ONCE, _FAST_MPS = 0.8, 8.0
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_kernel(1.5)
 
@@ -109,6 +113,7 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
     """Whether a wind is what the car's own lateral acceleration and yaw rate were just before: then it is none.
 
     As much all the way, or more and more, or less and less: tyres that warm up push as a wind does that follows them.
+    Or from some time on: passengers get in.
     """
     moving = driven(drive, x, road)
     rolling = np.flatnonzero(moving.v_mps > motion.ROLLING_MPS)[::_EVERY_ROWS]
@@ -122,20 +127,33 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
     evenly = [one for late_s in _LATER_S for one in before(late_s)]
     lately = [one for late_s in _SOON_S for one in before(late_s)]
     way = np.linspace(-1.0, 1.0, len(rolling))
-    tables = (evenly, [*lately, *(way * one for one in lately)])
-    return any(_is_told_by(np.column_stack(table), road.side_n[rolling], rolling) for table in tables)
+    ways = (way, *(np.where(way > since, 1.0, 0.0) for since in _FROM))
+    tables = (evenly, *([*lately, *(more * one for one in lately)] for more in ways))
+    return any(told_by(np.column_stack(table), road.side_n[rolling], rolling) > _FOLLOWS for table in tables)
 
 
-def _is_told_by(table: Floats, side_n: Floats, rows: Ints) -> bool:
-    """Whether a wind (n,) has most of its power in common with what is linear in these (n, p), on unseen blocks."""
-    table = (table - np.mean(table, axis=0)) / np.maximum(np.std(table, axis=0), 1e-12)
+def changes_once(drive: Drive, road: Profiles) -> bool:
+    """Whether a wind is one push up to some time, and another from then on."""
+    side_n = road.side_n[np.mean(drive.wheels, axis=1) > _FAST_MPS][::_EVERY_ROWS]
+    if len(side_n) < _ENOUGH:
+        return False
     side_n = side_n - np.mean(side_n)
-    fold, left_n = (rows * DT_S // BLOCK_S).astype(np.int64) % FOLDS, side_n.copy()
+    before = np.arange(1, len(side_n))
+    # Of two means against one.
+    power = np.cumsum(side_n)[:-1] ** 2 * (1.0 / before + 1.0 / before[::-1])
+    return bool(np.max(power) > _ONCE * float(side_n @ side_n))
+
+
+def told_by(table: Floats, course: Floats, rows: Ints) -> float:
+    """The share of a course's power (n,) that is linear in these (n, p), on unseen blocks; below 0 where none is."""
+    table = (table - np.mean(table, axis=0)) / np.maximum(np.std(table, axis=0), 1e-12)
+    course = course - np.mean(course)
+    fold, left = (rows * DT_S // BLOCK_S).astype(np.int64) % FOLDS, course.copy()
     for k in range(FOLDS):
         seen, own = table[fold != k], table[fold == k]
         squares = seen.T @ seen + _RIDGE * len(seen) * np.eye(table.shape[1])
-        left_n[fold == k] -= own @ np.linalg.solve(squares, seen.T @ side_n[fold != k])
-    return float(left_n @ left_n) < (1.0 - _FOLLOWS) * float(side_n @ side_n)
+        left[fold == k] -= own @ np.linalg.solve(squares, seen.T @ course[fold != k])
+    return 1.0 - float(left @ left) / max(float(course @ course), 1e-30)
 
 
 def by_the_lean(x: Floats) -> bool:

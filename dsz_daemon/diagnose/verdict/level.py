@@ -26,6 +26,9 @@ _COLOURED = 2.0
 # were told by such a name, 1.85 times at least.
 TURNED = 1.5
 OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay"}
+# A limit of grip left both up to 1.8 times what may be, of tyres that are linear up to it; a power steering that cannot
+# follow 8 times, and a stability control, that brakes wheels besides, 1.8 times.
+_OF_A_LIMIT = 3.0
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -59,15 +62,21 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 
     Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
-    simulation has either right. One that explains less is no limit: what was chosen before it is not there.
+    simulation has either right, but for one that has both wrong by far, or wheels as well. One that explains less is no
+    limit: what was chosen before it is not there.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
-    off = [level[channel] for channel in OF_A_TURN if channel in level]
-    if not names or not off or min(off) < TURNED:
+    channels = [channel for channel in OF_A_TURN if channel in level]
+    # One that is off may be off by its own instrument; but not by one that swings, which is said to explain it.
+    furthest = max if "soft_mount" in found.best.effects else min
+    off = furthest((level[channel] for channel in channels), default=0.0)
+    if not names | limits or off < TURNED:
         return set(), []
-    if max((found.gains[limit] for limit in limits), default=0.0) > max(found.gains[name] for name in names):
-        return set(), []
-    return names | limits, [channel for channel in OF_A_TURN if channel in level]
+    if max((found.gains[limit] for limit in limits), default=0.0) > max((found.gains[one] for one in names), default=0):
+        rolls = max((value for name, value in level.items() if name.startswith("wheel_")), default=0.0)
+        if len(channels) < len(OF_A_TURN) or (off < _OF_A_LIMIT and rolls < UNEXPLAINED * _COLOURED):
+            return set(), []
+    return names | limits, channels
 
 
 def verdict(explained: bool, left: bool) -> str:

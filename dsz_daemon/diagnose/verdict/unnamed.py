@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.shapes.eccentric import parts_of
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven, sticks
+from dsz_daemon.diagnose.shapes.unlisted import wheel_squares
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
 
@@ -69,8 +70,8 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
             spreads = [abs(fit.x[i]) / fit.std[fit.columns.index(i)] for i in pair if i in fit.columns]
             names |= effects if max(spreads, default=0.0) < _APART_SPREADS else set()
     # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
-    # And what a wheel with uneven teeth is off by is theirs.
-    if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit):
+    # What a wheel with uneven teeth is off by is theirs, and what one that grows with the speed is off by, its growth.
+    if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit) or _grows(drive, fit):
         names |= {"wheel_radius"}
     # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
     if yaws & slides:
@@ -93,6 +94,14 @@ def _counts_unevenly(drive: Drive, fit: Fit) -> bool:
     smoothest = np.min(rough[rough > 0.0], initial=np.inf)
     even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= _ROUGHER * smoothest]
     return len(even) < len(rough) and not any(are_apart(drive, fit, *pair) for pair in combinations(even, 2))
+
+
+def _grows(drive: Drive, fit: Fit) -> bool:
+    """Whether radii differ by wheels alone that show the square of their speed: of such a course it is a part."""
+    if "wheel_radius" not in fit.effects or not (grown := wheel_squares(drive, fit)):
+        return False
+    others = [i for wheel, i in zip(("fl", "fr", "rl", "rr"), sum(_SIDES, ()), strict=True) if wheel not in grown]
+    return not any(are_apart(drive, fit, *pair) for pair in combinations(others, 2))
 
 
 def _rolls_otherwise(drive: Drive, fit: Fit) -> bool:
