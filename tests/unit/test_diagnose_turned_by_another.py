@@ -22,6 +22,7 @@ GYRO_Z, ACCEL_Y = 2, 4
     ("effects", "level", "names", "channels"),
     [
         (("cornering_stiffness",), {"gyro_z": 2.6, "accel_y": 2.2}, {"cornering_stiffness"}, ["gyro_z", "accel_y"]),
+        (("steering_backlash",), {"gyro_z": 17.0, "accel_y": 15.0}, {"steering_backlash"}, ["gyro_z", "accel_y"]),
         (("imu_delay", "mass_loading"), {"gyro_z": 9.0, "accel_y": 9.0}, {"mass_loading"}, ["gyro_z", "accel_y"]),
         (("steering_delay", "steering_ratio"), {"gyro_z": 2.0}, {"steering_delay", "steering_ratio"}, ["gyro_z"]),
         # One channel that is right is enough: the other's instrument may be what is wrong.
@@ -37,6 +38,15 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("low_friction",), {"gyro_z": 2.6, "accel_y": 1.8, "wheel_speed_fl": 5.0}, set(), []),
         (("low_friction",), {"gyro_z": 1.4, "accel_y": 9.0, "wheel_speed_fl": 50.0}, set(), []),
         (("low_friction",), {"gyro_z": 9.0}, set(), []),
+        # Beside it a ratio that explains little of what it does is the curve of these tyres.
+        (
+            ("low_friction", "c", "d", "e", "f", "steering_ratio"),
+            {"gyro_z": 2.3, "accel_y": 1.4},
+            {"steering_ratio"},
+            [],
+        ),
+        (("low_friction", "c", "d", "e", "f", "steering_ratio"), {"gyro_z": 1.4, "accel_y": 1.4}, set(), []),
+        (("low_friction", "c", "d", "e", "steering_ratio"), {"gyro_z": 2.3, "accel_y": 1.4}, set(), []),
         # But for one that has both wrong by far, or wheels as well.
         (("low_friction",), {"gyro_z": 3.1, "accel_y": 5.0}, {"low_friction"}, ["gyro_z", "accel_y"]),
         (

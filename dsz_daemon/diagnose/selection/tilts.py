@@ -38,7 +38,7 @@ _HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
 _AT_ONCE_S, _TIPS, _TENTH, _OF_ITS_WAY = 0.5, 5, 0.1, 0.6
 # A bank knows nothing of drive and brakes: of its power what they tell of it, now or so much before, on unseen blocks.
 # Of 24 banks none had any, a body that rolls by its engine's torque 0.99.
-_OF_THE_DRIVE, _DRIVEN_S = 0.5, (0.0, 0.25, 0.5, 1.0, 2.0)
+_OF_THE_DRIVE, _DRIVEN_S = 0.95, (0.0, 0.25, 0.5)
 
 
 def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:

@@ -209,11 +209,11 @@ def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:
 
     `wheel_square`, if it is in the model, has as many parameters as there are wheels that have it.
     """
+    if "wheel_square" not in fit.effects:
+        return {}
     described = drive.vocabulary.described("wheel_square")
     least = {parameter.name: parameter.least for parameter in described.parameters}
     told = values_of(drive, fit, described.name)
-    if described.name not in fit.effects:
-        return {}
     values = {wheel: told.get(wheel, (0.0, 0.0)) for wheel in least}
     # Most have nothing: of the two in the middle the one that is less.
     _, *middle, _ = sorted(value for value, _ in values.values())

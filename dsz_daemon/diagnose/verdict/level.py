@@ -25,10 +25,13 @@ _COLOURED = 2.0
 # on the cars of six simulators; a load that swings, a trailer, a stability control, rear wheels that steer, where they
 # were told by such a name, 1.85 times at least.
 TURNED = 1.5
-OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay"}
+OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay", "steering_backlash"}
 # A limit of grip left both up to 1.8 times what may be, of tyres that are linear up to it; a power steering that cannot
 # follow 8 times, and a stability control, that brakes wheels besides, 1.8 times.
 _OF_A_LIMIT = 3.0
+# Beside a limit of grip that leaves one of them as far off, what gains less than so much of what the limit does is the
+# curve of these tyres: two ratios that were none had 0.08 and 0.10 of it.
+_OF_A_CURVE = 0.2
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -67,15 +70,18 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     channels = [channel for channel in OF_A_TURN if channel in level]
+    off = sorted(level[channel] for channel in channels)
     # One that is off may be off by its own instrument; but not by one that swings, which is said to explain it.
-    furthest = max if "soft_mount" in found.best.effects else min
-    off = furthest((level[channel] for channel in channels), default=0.0)
-    if not names | limits or off < TURNED:
+    if not names | limits or not off or off[-1] < TURNED:
         return set(), []
-    if max((found.gains[limit] for limit in limits), default=0.0) > max((found.gains[one] for one in names), default=0):
-        rolls = max((value for name, value in level.items() if name.startswith("wheel_")), default=0.0)
-        if len(channels) < len(OF_A_TURN) or (off < _OF_A_LIMIT and rolls < UNEXPLAINED * _COLOURED):
-            return set(), []
+    limit = max((found.gains[limit] for limit in limits), default=0.0)
+    of_limit = limit > max((found.gains[one] for one in names), default=0.0)
+    rolls = max((value for name, value in level.items() if name.startswith("wheel_")), default=0.0)
+    is_wrong = off[0] >= TURNED or "soft_mount" in found.best.effects
+    if of_limit:
+        is_wrong &= len(off) > 1 and (off[0] >= _OF_A_LIMIT or rolls >= UNEXPLAINED * _COLOURED)
+    if not is_wrong:
+        return {name for name in names if found.gains[name] < _OF_A_CURVE * limit}, []
     return names | limits, channels
 
 
