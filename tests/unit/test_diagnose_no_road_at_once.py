@@ -17,6 +17,7 @@ from dsz_daemon.diagnose.selection import plausible
 from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.tilts import follows_the_drive, tips_at_once
+from dsz_daemon.diagnose.shapes import unlisted
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
 from dsz_daemon.diagnose.simulation.moving import driven, since
@@ -44,6 +45,8 @@ def over(course: np.ndarray, road: str = "road_bank") -> Any:
         (0.02 * np.clip(3.0 * np.sin(0.3 * T), -1.0, 1.0), False),
         (0.02 * np.exp(-(((T - 30.0) / 3.0) ** 2)), False),
         (0.02 * np.sign(np.sin(0.15 * T)), False),
+        # What goes on and on besides is no bracket at rest.
+        (0.02 * np.sign(np.sin(0.9 * T)) + 0.01 * np.sin(5.0 * T), False),
         # What is quick and small is a gyro's noise.
         (0.02 * np.sin(0.9 * T) + 0.002 * np.sin(40.0 * T), False),
     ],
@@ -84,7 +87,7 @@ def test_such_a_bank_is_implausible(monkeypatch: pytest.MonkeyPatch, rule: str) 
         assert is_implausible(one, rows_of(one), fit, "road_bank") is there
 
 
-@pytest.mark.parametrize(("at_share", "share", "follows"), [(0.5, 0.8, True), (0.3, 0.8, True), (0.5, 0.2, False)])
+@pytest.mark.parametrize(("at_share", "share", "follows"), [(0.5, 0.8, True), (0.8, 0.8, True), (0.5, 0.2, False)])
 def test_what_pushes_with_the_car_from_some_time_on_came_on_board(at_share: float, share: float, follows: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)
     side = driven(one, nothing(), flat(N)).moved[:, AY] * (at_share * N < np.arange(N))
@@ -101,10 +104,14 @@ def test_what_pushes_with_the_car_from_some_time_on_came_on_board(at_share: floa
         (500.0 * np.sin(0.2 * T), False),
     ],
 )
-def test_a_wind_that_changes_once_is_none(side_n: np.ndarray, is_once: bool) -> None:
+def test_a_wind_that_changes_once_is_none(monkeypatch: pytest.MonkeyPatch, side_n: np.ndarray, is_once: bool) -> None:
     one = drive({}, np.full(N, 15.0), CITY_STEER)
     road = flat(N)._replace(side_n=side_n)
     assert changes_once(one, road) is is_once
+    fit: Any = SimpleNamespace(x=nothing(), columns=(), effects=("side_wind",), road=road)
+    for name in ("_lulls", "_pushes_an_axle", "_is_a_bank_unfelt"):
+        monkeypatch.setattr(plausible, name, lambda *_: False)
+    assert is_implausible(one, rows_of(one), fit, "side_wind") is is_once
     # At a walk nothing is said of it.
     assert not changes_once(one._replace(wheels=np.full((N, 4), 3.0)), road)
 
@@ -143,6 +150,15 @@ def test_what_jumps_is_half_there_at_its_moment() -> None:
     assert step[middle] == pytest.approx(0.5)
     np.testing.assert_allclose(step[: middle - 20], 0.0)
     np.testing.assert_allclose(step[middle + 20 :], 1.0)
+
+
+def test_what_hardly_swings_is_not_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A share of a tenth or less, or no more than its spread."""
+    shares = {"gyros": (0.05, 0.01), "accel_x": (0.6, 0.1), "accel_y": (0.11, 0.01), "accel_z": (0.6, 0.7)}
+    monkeypatch.setattr(unlisted, "values_of", lambda *_: {"per_w2_s2": (0.007, 1e-4), "damping": (0.1, 0.01)} | shares)
+    fit: Any = None
+    told = unlisted.shapes_of_all(drive({}, CITY_V, CITY_STEER), fit, {"soft_mount"})
+    assert [(shape.channel, shape.shape) for shape in told] == [("accel_x", "swings"), ("accel_y", "swings")]
 
 
 @pytest.mark.parametrize(
