@@ -21,6 +21,7 @@ from dsz_daemon.diagnose.shapes import unlisted
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
 from dsz_daemon.diagnose.simulation.moving import driven, since
+from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.winds import changes_once, follows_the_car
 from dsz_daemon.diagnose.verdict import unnamed
@@ -140,6 +141,20 @@ def test_nothing_slips_where_one_zero_tells_as_much(left_out: dict[str, float]) 
     one = drive(left_out, CITY_V, CITY_STEER)
     rows = rows_of(one)
     assert "steering_slip" not in dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))
+
+
+@pytest.mark.parametrize(("zeros_rad", "slips"), [((0.01, 0.01), False), ((0.0, 0.01), True), ((-0.005, 0.005), True)])
+def test_one_zero_all_the_way_is_no_slip(zeros_rad: tuple[float, float], slips: bool) -> None:
+    """Of what is left in the yaw rate, all of it by one zero of the steering, or by two."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows, x = rows_of(one), nothing()
+    fit = fitted(one, rows, x, (), TOLERANCE)
+    x[INDEX["steering_offset.offset_rad"]] = 0.01
+    of_zero = (predicted(one, x, flat(N)) - predicted(one, nothing(), flat(N)))[rows.at, 2] / 0.01
+    left = fit.left.copy()
+    left[:, 2] = np.where(rows.at * DT_S < 30.0, *zeros_rad) * of_zero
+    far = fit._replace(left=left, unseen=fit.unseen + 1.0)
+    assert ("steering_slip" in dict(guesses(one, rows, far))) is slips
 
 
 def test_what_jumps_is_half_there_at_its_moment() -> None:

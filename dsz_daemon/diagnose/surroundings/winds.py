@@ -38,8 +38,8 @@ _ON_THE_BODY = 0.5
 # and from some time on, not before, up to 0.13 of it, a load that came on board on the way 0.67.
 _FOLLOWS, _LATER_S, _SOON_S, _EVERY_ROWS, _RIDGE = 0.42, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 1.0), 20, 1e-3
 _ENOUGH, _FROM = 200, (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
-# And what changes once, from one push to another, at this speed or more: winds that there were had up to 0.43 of their
-# power in it, a steering sensor that slips on its shaft 0.98.
+# And what changes once, from one push to another, at this speed or more: winds that there were had up to 0.40 of their
+# power in it on the whole way, a steering sensor that slips on its shaft 0.996.
 _ONCE, _FAST_MPS = 0.8, 8.0
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_kernel(1.5)

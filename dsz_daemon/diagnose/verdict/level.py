@@ -65,8 +65,9 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 
     Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
-    simulation has either right, but for one that has both wrong by far, or wheels as well. One that explains less is no
-    limit: what was chosen before it is not there.
+    simulation has either right, but for one that has both wrong by far, or wheels as well; and what explains little
+    beside it, where either is wrong, is the curve of its tyres. One that explains less is no limit: what was chosen
+    before it is not there.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     channels = [channel for channel in OF_A_TURN if channel in level]
