@@ -27,6 +27,8 @@ from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.surroundings.winds import follows_the_car
 
 TILT_RAD = 0.04 * np.sin(0.45 * T) + 0.02 * np.sin(1.1 * T + 1.0)
+# Up with the speed on some of the way, which what a car does follows to 0.75 where it is fitted to all of it.
+MUCH_LIKE_THE_SPEED = 0.004 * (CITY_V - np.mean(CITY_V)) * np.interp(T, [0.0, 20.0, 40.0, 60.0], [1.0, -0.2, 0.6, 1.0])
 AHEAD = {"road_grade": "grade_rad", "road_bank": "bank_rad"}
 # What a road does to the car itself.
 MOVES = {"road_grade": 5, "road_bank": 2}
@@ -90,8 +92,10 @@ def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) ->
         (0.02 * np.tanh((T - 60.0) / 5.0), False),
         (0.02 * np.exp(-(((T - 60.0) / 6.0) ** 2)), False),
         (0.02 * np.exp(-(((T - 31.0) / 2.5) ** 2)), False),
+        # Of a road what a car does tells most where it is fitted to it, and nothing of the next part of the way.
+        (MUCH_LIKE_THE_SPEED, True),
     ],
-    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one"],
+    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one", "by chance"],
 )
 def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray, is_a_road: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)

@@ -29,6 +29,7 @@ from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.unnamed import not_named
 
 PULL_MPS2 = np.gradient(CITY_V, T)
+SIDE = driven(drive({}, CITY_V, CITY_STEER), nothing(), flat(N)).moved[:, AY]
 AHEAD = {"road_bank": "bank_rad", "road_grade": "grade_rad"}
 
 
@@ -73,19 +74,38 @@ def test_a_bank_that_drive_or_brakes_tell_is_a_body_that_rolls_by_its_engine(
     bank_rad: np.ndarray, follows: bool
 ) -> None:
     one = drive({}, CITY_V, CITY_STEER)
-    assert follows_the_drive(one, over(bank_rad)) is follows
-    assert not follows_the_drive(one._replace(wheels=np.zeros((N, 4))), over(bank_rad))
+    assert follows_the_drive(one, over(bank_rad), "road_bank") is follows
+    assert not follows_the_drive(one._replace(wheels=np.zeros((N, 4))), over(bank_rad), "road_bank")
+
+
+@pytest.mark.parametrize(
+    ("grade_rad", "follows"),
+    [
+        (0.002 * SIDE**2, True),
+        (-0.004 * np.abs(SIDE), True),
+        # A quarter of a second after.
+        (0.002 * np.interp(T - 0.25, T, SIDE) ** 2, True),
+        # Half of it is something else; a road; and what a bank would be of.
+        (0.002 * SIDE**2 + 0.004 * np.sin(0.53 * T), False),
+        (0.02 * np.sin(0.4 * T + 0.4), False),
+        (0.02 * PULL_MPS2, False),
+    ],
+)
+def test_a_grade_that_bends_tell_is_a_body_that_axles_lift(grade_rad: np.ndarray, follows: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    assert follows_the_drive(one, over(grade_rad, "road_grade"), "road_grade") is follows
 
 
 @pytest.mark.parametrize("rule", ["tips_at_once", "follows_the_drive"])
-def test_such_a_bank_is_implausible(monkeypatch: pytest.MonkeyPatch, rule: str) -> None:
+def test_such_a_tilt_is_implausible(monkeypatch: pytest.MonkeyPatch, rule: str) -> None:
     one = drive({}, CITY_V, CITY_STEER)
     for name in ("_is_denied_by_its_gyro", "_bounces", "pulls_nothing", "tips_only_what_stands_on_it"):
         monkeypatch.setattr(plausible, name, lambda *_: False)
-    fit = over(0.02 * np.sin(0.77 * T))
-    for there in (False, True):
-        monkeypatch.setattr(plausible, rule, lambda *_, there=there: there)
-        assert is_implausible(one, rows_of(one), fit, "road_bank") is there
+    for road in AHEAD:
+        fit = over(0.02 * np.sin(0.77 * T), road)
+        for there in (False, True):
+            monkeypatch.setattr(plausible, rule, lambda *_, there=there: there)
+            assert is_implausible(one, rows_of(one), fit, road) is there
 
 
 @pytest.mark.parametrize(("at_share", "share", "follows"), [(0.5, 0.8, True), (0.8, 0.8, True), (0.5, 0.2, False)])

@@ -12,7 +12,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.level import level_of, turned_by_another
+from dsz_daemon.diagnose.verdict.level import curve_of_an_axle, level_of, turned_by_another
 from dsz_daemon.runs.diagnose import words
 
 GYRO_Z, ACCEL_Y = 2, 4
@@ -55,6 +55,15 @@ GYRO_Z, ACCEL_Y = 2, 4
             {"tyre_saturation", "steering_ratio"},
             ["gyro_z", "accel_y"],
         ),
+        # Or turns it besides by what has no name.
+        (
+            ("tyre_saturation", "yaw moment: k*ax*ay"),
+            {"gyro_z": 2.1, "accel_y": 2.3},
+            {"tyre_saturation"},
+            ["gyro_z", "accel_y"],
+        ),
+        (("tyre_saturation", "yaw moment: k*ax*ay"), {"gyro_z": 2.1, "accel_y": 1.4}, set(), []),
+        (("tyre_saturation", "gyro_z: k*ay^2"), {"gyro_z": 2.1, "accel_y": 2.3}, set(), []),
         # But for one that explains less than what it is beside: that is none, either.
         (("steering_ratio", "tyre_saturation"), {"gyro_z": 5.0}, {"steering_ratio", "tyre_saturation"}, ["gyro_z"]),
         (("steering_ratio", "low_friction"), {"gyro_z": 1.4}, set(), []),
@@ -66,6 +75,22 @@ def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
     gains = {effect: 100.0 / (1.0 + i) for i, effect in enumerate(effects)}
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects), gains=gains)
     assert turned_by_another(search, level) == (names, channels)
+
+
+@pytest.mark.parametrize(
+    ("gains", "names"),
+    [
+        ({"locked_axle": 800.0, "steering_ratio": 1000.0, "imu_lever_arm": 190.0}, {"imu_lever_arm"}),
+        ({"locked_axle": 800.0, "steering_ratio": 1000.0, "imu_lever_arm": 210.0}, set()),
+        ({"locked_axle": 1000.0, "imu_lever_arm": 190.0, "gyro_scale": 20.0}, {"imu_lever_arm"}),
+        ({"steering_ratio": 1000.0, "imu_lever_arm": 190.0}, set()),
+    ],
+)
+def test_what_gains_little_beside_wheels_that_turn_alike_is_how_they_scrub(
+    gains: dict[str, float], names: set[str]
+) -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=tuple(gains)), gains=gains)
+    assert curve_of_an_axle(search) == names
 
 
 def _swinging(share: float, at_m: float, hz: float) -> Drive:

@@ -168,6 +168,35 @@ def test_without_a_gyro_a_lean_and_a_scale_that_undo_each_other_are_none(
 
 
 @pytest.mark.parametrize(
+    ("tilt", "scale", "gyro", "other"),
+    [
+        ("suspension_roll.roll_gradient_rad_per_mps2", "accel_scale.y", "gyro_x", "gyro_y"),
+        ("suspension_pitch.pitch_gradient_rad_per_mps2", "accel_scale.x", "gyro_y", "gyro_x"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("undone", "sign", "beside", "is_none"),
+    [
+        (1.1, -1.0, True, True),
+        (0.9, -1.0, True, True),
+        (0.7, -1.0, True, False),
+        (1.3, -1.0, True, False),
+        (1.0, 1.0, True, False),
+        (1.0, -1.0, False, False),
+    ],
+)
+def test_what_a_gyro_shows_by_itself_is_no_lean_that_a_scale_takes_back(
+    tilt: str, scale: str, gyro: str, other: str, undone: float, sign: float, beside: bool, is_none: bool
+) -> None:
+    x = nothing()
+    x[INDEX[scale]], x[INDEX[tilt]] = sign * 0.06, undone * 0.06 / G
+    effects = (tilt.partition(".")[0], "accel_scale", f"{gyro if beside else other}: k*r'")
+    fit: Any = SimpleNamespace(effects=effects, x=x, columns=())
+    silent = not_named(SimpleNamespace(measured=np.zeros((10, 13))), fit, effects)  # type: ignore[arg-type]
+    assert silent & set(effects) == (set(effects[:2]) if is_none else set())
+
+
+@pytest.mark.parametrize(
     ("resistance", "apart", "silent"), [(2.0, False, True), (0.0, False, True), (1.2, False, False), (2.0, True, False)]
 )
 def test_of_wheels_that_slip_radii_of_an_axle_are_told_where_resistance_is(

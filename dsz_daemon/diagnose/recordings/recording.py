@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.recordings.flat_tops import FlatTop, flat_top
-from dsz_daemon.diagnose.recordings.rounding import rounded_anew
+from dsz_daemon.diagnose.recordings.rounding import coarse_step, rounded_anew
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
@@ -87,7 +87,7 @@ def recorded(
         signals.get("steering_wheel_angle" if by_hand else "road_wheel_angle"),
         steering_ratio if by_hand else 1.0,
     )
-    steering, step = _on_grid(told, first, time_s) / ratio, _step(told)
+    steering, step = _on_grid(told, first, time_s) / ratio, _steering_step(told)
     rounding = rounded_anew(told, step, white_std(told.values)) if told is not None and step > 0.0 else []
     steering_kernel = _kernel_of(told)
     smooth = {name: filtered(values, kernels[name]) for name, values in raw.items()}
@@ -218,6 +218,10 @@ def filtered(values: Floats, kernel: Floats) -> Floats:
     reach = len(kernel) // 2
     padded = np.concatenate((np.full(reach, values[0]), values, np.full(reach, values[-1])))
     return np.convolve(padded, kernel, mode="valid")
+
+
+def _steering_step(signal: Signal | None) -> float:
+    return max(_step(signal), coarse_step(signal)) if signal is not None else 0.0
 
 
 def _step(signal: Signal | None) -> float:

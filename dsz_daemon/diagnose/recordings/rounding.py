@@ -21,6 +21,9 @@ _BEGINNINGS = (0.0, 0.25, 0.5, 0.75)
 _SMOOTH_S = 0.1
 # Which noise it is makes no difference.
 _RNG_SEED = 0
+# Noise may hide coarse steps: such are so many times as large, as large as each other to within so much, there are so
+# many at least, of smaller moves that are no noise there are fewer by this share, and else a signal stands.
+_HIDDEN, _NOISE, _ALIKE, _FEWEST, _FEWER, _STANDS = 40.0, 5.0, 0.05, 20, 0.2, 0.9
 
 
 def rounded_anew(signal: Signal, step: float, white: float = 0.0) -> list[Signal]:
@@ -39,3 +42,17 @@ def rounded_anew(signal: Signal, step: float, white: float = 0.0) -> list[Signal
         left = step * (np.round(smooth / step + beginning) - beginning) - smooth + noise * rng.normal(size=len(smooth))
         found.append(Signal(signal.t_ns, left - np.mean(left)))
     return found
+
+
+def coarse_step(signal: Signal) -> float:
+    """The steps in which a signal moves, where noise on top of them hides these; 0 where it has none."""
+    moves = np.abs(np.diff(signal.values))
+    noise = 1.4826 * float(np.median(np.abs(np.diff(signal.values, 2)))) / math.sqrt(6.0) if len(moves) > 1 else 0.0
+    steps = moves[moves > _HIDDEN * noise]
+    if not noise > 0.0 or len(steps) < _FEWEST:
+        return 0.0
+    step = float(np.median(steps))
+    width = 1.4826 * float(np.median(np.abs(steps - step)))
+    between = np.count_nonzero((moves > _NOISE * noise) & (moves < 0.6 * step))
+    are_steps = width < _ALIKE * step and between < _FEWER * len(steps)
+    return step if are_steps and np.mean(moves < _NOISE * noise) > _STANDS else 0.0

@@ -129,7 +129,8 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
     way = np.linspace(-1.0, 1.0, len(rolling))
     ways = (way, *(np.where(way > since, 1.0, 0.0) for since in _FROM))
     tables = (evenly, *([*lately, *(more * one for one in lately)] for more in ways))
-    return any(told_by(np.column_stack(table), road.side_n[rolling], rolling) > _FOLLOWS for table in tables)
+    side_n, fold = road.side_n[rolling], folds_of(rolling)
+    return any(told_by(np.column_stack(table), side_n, fold) > _FOLLOWS for table in tables)
 
 
 def changes_once(drive: Drive, road: Profiles) -> bool:
@@ -144,12 +145,17 @@ def changes_once(drive: Drive, road: Profiles) -> bool:
     return bool(np.max(power) > _ONCE * float(side_n @ side_n))
 
 
-def told_by(table: Floats, course: Floats, rows: Ints) -> float:
-    """The share of a course's power (n,) that is linear in these (n, p), on unseen blocks; below 0 where none is."""
+def folds_of(rows: Ints) -> Ints:
+    """Which fold each row (n,) is of: blocks in turn."""
+    return np.asarray((rows * DT_S // BLOCK_S).astype(np.int64) % FOLDS)
+
+
+def told_by(table: Floats, course: Floats, fold: Ints) -> float:
+    """The share of a course's power (n,) that is linear in these (n, p), on unseen folds; below 0 where none is."""
     table = (table - np.mean(table, axis=0)) / np.maximum(np.std(table, axis=0), 1e-12)
     course = course - np.mean(course)
-    fold, left = (rows * DT_S // BLOCK_S).astype(np.int64) % FOLDS, course.copy()
-    for k in range(FOLDS):
+    left = course.copy()
+    for k in range(int(np.max(fold)) + 1):
         seen, own = table[fold != k], table[fold == k]
         squares = seen.T @ seen + _RIDGE * len(seen) * np.eye(table.shape[1])
         left[fold == k] -= own @ np.linalg.solve(squares, seen.T @ course[fold != k])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
+from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
@@ -22,9 +23,18 @@ from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause
 from dsz_daemon.diagnose.verdict.configured import BEYOND, TYRES, parameter_errors
 from dsz_daemon.diagnose.verdict.goodness import goodness
 from dsz_daemon.diagnose.verdict.in_part import explains_a_part
-from dsz_daemon.diagnose.verdict.level import doubt, doubt_of, level_of, turned_by_another, unexplained_of, verdict
+from dsz_daemon.diagnose.verdict.level import (
+    curve_of_an_axle,
+    doubt,
+    doubt_of,
+    level_of,
+    turned_by_another,
+    unexplained_of,
+    verdict,
+)
 from dsz_daemon.diagnose.verdict.numbers import offsets_of
 from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
+from dsz_daemon.diagnose.verdict.steady import changes_all_the_way
 from dsz_daemon.diagnose.verdict.unnamed import not_named
 from dsz_daemon.diagnose.verdict.untested import untested
 
@@ -46,9 +56,14 @@ def answered(
     left = doubt(found, unexplained)
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     no_names = not_named(found.drive, found.best, sure)
+    no_names |= curve_of_an_axle(found)
+    # Nor has what two sensors in turn show a scale that is a number.
+    no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
+    effects = {effect for effect in found.best.effects if not is_shape(effect)}
+    no_names |= {effect for effect in effects if changes_all_the_way(found.drive, found.best, effect)}
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
-        no_names |= {e for e in found.best.effects if not is_shape(e) and explains_a_part(*of_all, e, unexplained)}
+        no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
     by_another, turning = turned_by_another(found, level)
     no_names, unexplained = no_names | by_another, [*unexplained, *(c for c in turning if c not in unexplained)]
     # What is given no name has no numbers, but for what is a number of the car and never had one.

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.effects.row import WHEELS
+from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.fitting.model import GRIP
 from dsz_daemon.diagnose.residuals.comparison import noises
 from dsz_daemon.diagnose.residuals.locate import channel_names
@@ -65,9 +66,9 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 
     Another stiffness, load, ratio or delay fits somewhat whatever turns the car. It is that only if the yaw rate and
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
-    simulation has either right, but for one that has both wrong by far, or wheels as well; and what explains little
-    beside it, where either is wrong, is the curve of its tyres. One that explains less is no limit: what was chosen
-    before it is not there.
+    simulation has either right, but for one that has both wrong by far, or wheels as well, or turns besides by what
+    has no name; and what explains little beside it, where either is wrong, is the curve of its tyres. One that explains
+    less is no limit: what was chosen before it is not there.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     channels = [channel for channel in OF_A_TURN if channel in level]
@@ -80,10 +81,20 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     rolls = max((value for name, value in level.items() if name.startswith("wheel_")), default=0.0)
     is_wrong = off[0] >= TURNED or "soft_mount" in found.best.effects
     if of_limit:
-        is_wrong &= len(off) > 1 and (off[0] >= _OF_A_LIMIT or rolls >= UNEXPLAINED * _COLOURED)
+        is_far = off[0] >= _OF_A_LIMIT or rolls >= UNEXPLAINED * _COLOURED
+        is_wrong &= len(off) > 1 and (is_far or any(map(is_of_the_car, found.best.effects)))
     if not is_wrong:
         return {name for name in names if found.gains[name] < _OF_A_CURVE * limit}, []
     return names | limits, channels
+
+
+def curve_of_an_axle(found: Search) -> set[str]:
+    """Names that gain little beside an axle whose wheels turn alike: how that scrubs is but sketched."""
+    there = set(found.best.effects)
+    if "locked_axle" not in there:
+        return set()
+    axle = max(found.gains[one] for one in {"locked_axle", *TURNS} & there)
+    return {one for one in {"imu_lever_arm", *_TURN} & there if found.gains[one] < _OF_A_CURVE * axle}
 
 
 def verdict(explained: bool, left: bool) -> str:

@@ -17,7 +17,9 @@ from dsz_daemon.diagnose.shapes.eccentric import parts_of
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven, sticks
 from dsz_daemon.diagnose.shapes.unlisted import wheel_squares
 from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.motion import G
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
+from dsz_daemon.signals import IMU_CHANNELS
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # In the course of what a yaw gyro shows: the car's steering, sideslip and tyres, and not the gyro's own rate alone.
@@ -30,6 +32,8 @@ _ONE_WITHOUT_A_GYRO = (
     ("suspension_pitch.pitch_gradient_rad_per_mps2", "accel_scale.x", 1),
 )
 _APART_SPREADS = 4.0
+# So much of a scale may a lean leave that undoes it.
+_UNDONE = 0.25
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 _SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for axle in "fr")
 # A wheel whose speed is so many times as rough as the smoothest one's has teeth that are not alike: rings that are as
@@ -62,13 +66,19 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     names |= SAME_TURN if TYRES in of_car else set()
     if of_car and len(set(TURNS) & set(fit.effects) & set(sure) - names) > 1:
         names |= {*TURNS}
-    # Without its gyro a lean and a scale are one: two that undo each other are none.
+    # Without its gyro a lean and a scale are one: two that undo each other are none. Nor are they beside what the gyro
+    # shows by itself, of which they are a part.
     for tilt, scale, gyro in _ONE_WITHOUT_A_GYRO:
         effects = {tilt.partition(".")[0], "accel_scale"}
-        if effects <= set(fit.effects) and np.isnan(drive.measured[:, gyro]).all():
+        if not effects <= set(fit.effects):
+            continue
+        if np.isnan(drive.measured[:, gyro]).all():
             pair = [INDEX[tilt], INDEX[scale]]
             spreads = [abs(fit.x[i]) / fit.std[fit.columns.index(i)] for i in pair if i in fit.columns]
             names |= effects if max(spreads, default=0.0) < _APART_SPREADS else set()
+        elif any(place == IMU_CHANNELS[gyro] for place, _ in shapes):
+            more, less = G * fit.x[INDEX[tilt]], fit.x[INDEX[scale]]
+            names |= effects if abs(more + less) < _UNDONE * abs(less) else set()
     # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
     # What a wheel with uneven teeth is off by is theirs, and what one that grows with the speed is off by, its growth.
     if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit) or _grows(drive, fit):

@@ -1,0 +1,114 @@
+"""What single readings tell before any simulation: spikes, every other reading another sensor's, coarse steps.
+
+A reading that is far from both of its neighbours, which agree, is no motion: nothing that moves is back within two
+samples. Torn words (one half of a number old) and hits on a line look so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.recordings.recording import white_std
+from dsz_daemon.diagnose.recordings.rounding import coarse_step
+from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
+from dsz_daemon.pipeline.grid import Signal
+from dsz_daemon.signals import IMU_CHANNELS
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+_FEWEST = 100
+# A spike is so many times the white noise away from the mean of its neighbours, which differ by less than so much of
+# that. There are so many at least, as large as each other to within so much; and of what is smaller, between these
+# parts of their size, there are fewer by this share: what shakes a car has all sizes.
+_FAR, _NEIGHBOURS, _SPIKES, _ALIKE, _SMALLER, _FEWER = 8.0, 0.5, 10, 0.15, (0.5, 0.7), 0.1
+# Every other reading is another sensor's by so many spreads, and by so much of all that readings differ by.
+_SURELY, _MOST = 50.0, 0.3
+EVERY_OTHER = "in every other reading"
+_OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
+
+
+class Readings(NamedTuple):
+    """The signals without what single readings say for themselves, and what that is."""
+
+    signals: dict[str, Signal]
+    shapes: list[Shape]
+
+
+def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
+    """Spikes are left out, two sensors in turn are their mean; what is said of each has its share of the readings."""
+    found = Readings(dict(signals), [])
+    for name in IMU_CHANNELS:
+        signal = signals.get(name)
+        if signal is None or len(signal.values) < _FEWEST or not np.isfinite(signal.values).all():
+            continue
+        unit = "rad/s" if name.startswith("gyro") else "m/s^2"
+        if others := _every_other(name, signal, unit):
+            # In pairs, so that what is white in them stays so.
+            even = len(signal.values) // 2 * 2
+            first_ns, second_ns = signal.t_ns[:even:2], signal.t_ns[1:even:2]
+            values = 0.5 * (signal.values[:even:2] + signal.values[1:even:2])
+            found.signals[name] = Signal(first_ns + (second_ns - first_ns) // 2, values)
+            found.shapes.extend(others)
+            continue
+        spikes = _spikes(signal.values)
+        if len(spikes):
+            sizes = np.abs(_away(signal.values)[spikes - 1])
+            told = Coefficient(float(np.median(sizes)), float(np.std(sizes) / np.sqrt(len(sizes))), unit)
+            found.shapes.append(Shape(name, "+-k in single readings", told, len(spikes) / len(signal.values)))
+            found.signals[name] = Signal(np.delete(signal.t_ns, spikes), np.delete(signal.values, spikes))
+    for name in ("steering_wheel_angle", "road_wheel_angle"):
+        if name in signals and (step := coarse_step(signals[name])):
+            found.shapes.append(
+                Shape(name, "steps of k", Coefficient(step, white_std(signals[name].values), "rad"), 1.0)
+            )
+    return found
+
+
+def _away(values: Floats) -> Floats:
+    """How far each reading (n - 2,) but the first and the last is from the mean of its neighbours."""
+    return values[1:-1] - 0.5 * (values[2:] + values[:-2])
+
+
+def _spikes(values: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Which readings are spikes; none where these are not of one kind."""
+    away, noise = np.abs(_away(values)), white_std(values)
+    if not noise > 0.0:
+        return np.zeros(0, dtype=np.int64)
+    is_one = (away > _FAR * noise) & (np.abs(values[2:] - values[:-2]) < _NEIGHBOURS * away)
+    if np.count_nonzero(is_one) < _SPIKES:
+        return np.zeros(0, dtype=np.int64)
+    size = float(np.median(away[is_one]))
+    width = 1.4826 * float(np.median(np.abs(away[is_one] - size)))
+    # The neighbours of a spike are half of it away from theirs.
+    beside = np.convolve(is_one, [1, 0, 1], mode="same") > 0
+    smaller = np.count_nonzero((away > _SMALLER[0] * size) & (away < _SMALLER[1] * size) & ~beside)
+    if width > _ALIKE * size or smaller > _FEWER * np.count_nonzero(is_one):
+        return np.zeros(0, dtype=np.int64)
+    return np.asarray(np.flatnonzero(is_one) + 1)
+
+
+def _every_other(name: str, signal: Signal, unit: str) -> list[Shape]:
+    """What every other reading shows more than the one before: a constant, a share of the mean of both, or both.
+
+    Half of that, with one sign and the other in turn, is how far each is from its neighbours' mean.
+    """
+    away = 0.5 * _away(signal.values)
+    away = np.where(np.arange(len(away)) % 2 == 0, away, -away)
+    smooth = 0.25 * (signal.values[2:] + signal.values[:-2]) + 0.5 * signal.values[1:-1]
+    table = np.column_stack([np.ones(len(away)), smooth])
+    if not np.ptp(smooth) > 0.0:
+        return []
+    k, *_ = np.linalg.lstsq(table, away, rcond=None)
+    left = away - table @ k
+    std = np.std(left) * np.sqrt(np.diag(np.linalg.inv(table.T @ table)))
+    if not np.sum(left**2) < (1.0 - _MOST) * np.sum(away**2):
+        return []
+    terms = ((f"k {EVERY_OTHER}", unit), (f"k*{_OWN[name]} {EVERY_OTHER}", "1"))
+    return [
+        Shape(name, shape, Coefficient(abs(2.0 * float(k[i])), 2.0 * float(std[i]), of), 0.5)
+        for i, (shape, of) in enumerate(terms)
+        if abs(k[i]) > _SURELY * std[i]
+    ]

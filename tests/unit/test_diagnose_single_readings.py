@@ -1,0 +1,135 @@
+"""diagnose: what single readings tell by themselves: spikes, two sensors in turn, coarse steps behind noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
+
+from dsz_daemon.diagnose import diagnose
+from dsz_daemon.diagnose.faults.single_readings import told_by_readings
+from dsz_daemon.diagnose.recordings.recording import recorded, white_std
+from dsz_daemon.diagnose.recordings.rounding import coarse_step
+from dsz_daemon.pipeline.grid import Signal
+
+N, NOISE = len(STAMPS), 0.01
+TIME_S = STAMPS * 1e-9
+COURSE = 1.5 * np.sin(0.7 * TIME_S) + 0.5 * np.sin(2.1 * TIME_S)
+RNG = np.random.default_rng(5)
+NOISY = COURSE + NOISE * RNG.normal(size=N)
+HIT = np.sort(RNG.choice(np.arange(10, N - 10, 7), 60, replace=False))
+SIDE = np.where(RNG.random(60) < 0.5, 1.0, -1.0)
+
+
+def hit(size: float | np.ndarray, count: int = 60) -> np.ndarray:
+    values = NOISY.copy()
+    values[HIT[:count]] += (SIDE * size)[:count]
+    return values
+
+
+def test_spikes_are_said_and_left_out() -> None:
+    found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)})
+    [shape] = found.shapes
+    assert (shape.channel, shape.shape) == ("accel_y", "+-k in single readings")
+    assert shape.coefficient.value == pytest.approx(0.6, rel=0.02)
+    assert shape.coefficient.unit == "m/s^2"
+    assert shape.share == pytest.approx(60 / N)
+    assert found.signals["accel_y"].t_ns.tolist() == np.delete(STAMPS, HIT).tolist()
+    assert found.signals["accel_y"].values.tolist() == np.delete(NOISY, HIT).tolist()
+    assert found.signals["gyro_z"].values is NOISY
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        NOISY,
+        # Too small, too seldom, of all sizes, and what stays.
+        hit(0.07),
+        hit(0.6, 8),
+        hit(np.linspace(0.1, 1.0, 60)),
+        NOISY + 0.6 * (np.arange(N) // 50 % 2),
+        # What shakes the sensor.
+        NOISY + 0.3 * np.sin(2.0 * np.pi * 37.0 * TIME_S) * np.maximum(np.sin(0.2 * TIME_S), 0.0),
+        np.zeros(N),
+        np.where(TIME_S < 5.0, np.nan, NOISY),
+    ],
+    ids=["noise", "small", "seldom", "all sizes", "steps", "shakes", "nothing", "gaps"],
+)
+def test_what_is_no_spike_stays(values: np.ndarray) -> None:
+    found = told_by_readings({"accel_y": signal(values)})
+    assert found.shapes == []
+    assert found.signals["accel_y"].values is values
+    assert told_by_readings({"accel_y": Signal(STAMPS[:50], hit(0.6)[:50])}).shapes == []
+
+
+@pytest.mark.parametrize(
+    ("share", "more", "shapes"),
+    [
+        (-0.2, 0.35, ["k in every other reading", "k*ay in every other reading"]),
+        (0.0, 0.35, ["k in every other reading"]),
+        (0.1, 0.0, ["k*ay in every other reading"]),
+        (0.0, 0.0, []),
+        # Less than noise.
+        (0.002, 0.0, []),
+    ],
+)
+def test_two_sensors_in_turn_are_said_and_their_mean_is_taken(share: float, more: float, shapes: list[str]) -> None:
+    odd = np.arange(N) % 2 == 1
+    values = NOISY + odd * (share * COURSE + more)
+    found = told_by_readings({"accel_y": signal(values)})
+    assert [shape.shape for shape in found.shapes] == shapes
+    told = {shape.shape: shape.coefficient for shape in found.shapes}
+    if "k in every other reading" in told:
+        # Where the mean of the two is nothing: c (1 + share / 2) + more / 2 = 0.
+        there = more - share * (0.5 * more) / (1.0 + 0.5 * share)
+        assert told["k in every other reading"].value == pytest.approx(there, rel=0.02)
+    if "k*ay in every other reading" in told:
+        # Over the mean of the two.
+        assert told["k*ay in every other reading"].value == pytest.approx(abs(share / (1.0 + share / 2.0)), rel=0.05)
+        assert told["k*ay in every other reading"].unit == "1"
+    assert len(found.signals["accel_y"].values) == (N // 2 if shapes else N)
+    if shapes:
+        assert white_std(found.signals["accel_y"].values) == pytest.approx(NOISE / np.sqrt(2.0), rel=0.2)
+        assert found.signals["accel_y"].t_ns[0] == (STAMPS[0] + STAMPS[1]) // 2
+
+
+STEP_RAD = np.radians(9.0)
+
+
+def stepped(noise_rad: float, step_rad: float = STEP_RAD) -> np.ndarray:
+    return np.asarray(step_rad * np.round(HAND / step_rad) + noise_rad * np.random.default_rng(1).normal(size=N))
+
+
+def test_steps_behind_noise_are_found() -> None:
+    assert coarse_step(signal(stepped(1e-3))) == pytest.approx(STEP_RAD, rel=0.02)
+    # Without noise steps are seen by any eye; and with much no eye sees them.
+    assert coarse_step(signal(stepped(0.0))) == 0.0
+    assert coarse_step(signal(stepped(0.02))) == 0.0
+    assert coarse_step(signal(HAND + 1e-3 * RNG.normal(size=N))) == 0.0
+    # A hand that jerks makes moves of all sizes.
+    jerks = np.cumsum(np.where(np.arange(N) % 100 == 0, RNG.uniform(-0.3, 0.3, N), 0.0))
+    assert coarse_step(signal(jerks + 1e-3 * RNG.normal(size=N))) == 0.0
+    assert coarse_step(Signal(STAMPS[:1], HAND[:1])) == 0.0
+
+
+@pytest.mark.parametrize("role", ["steering_wheel_angle", "road_wheel_angle"])
+def test_coarse_steps_are_said_and_known_to_the_simulation(role: str) -> None:
+    values = stepped(1e-3)
+    [shape] = told_by_readings({role: signal(values)}).shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == (role, "steps of k", "rad")
+    ratio = RATIO if role == "steering_wheel_angle" else 1.0
+    recording = recorded({role: signal(values), "accel_y": signal(NOISY)}, RATIO)
+    assert recording.steering_step_rad == pytest.approx(STEP_RAD / ratio, rel=0.02)
+
+
+def test_the_answer_says_what_readings_tell_and_gives_what_two_sensors_show_no_scale() -> None:
+    signals = made(HAND, HAND)
+    side = signals["accel_y"].values.copy()
+    side[1::2] *= 0.8
+    said = diagnose(signals | {"accel_y": signal(side)}, TUCSON, RATIO).said
+    assert [shape.shape for shape in said.unlisted] == ["k*ay in every other reading"]
+    assert said.causes == []
+    # All of them by as much are a scale.
+    said = diagnose(signals | {"accel_y": signal(0.9 * signals["accel_y"].values)}, TUCSON, RATIO).said
+    assert [cause.effect for cause in said.causes] == ["accel_scale"]

@@ -1,0 +1,57 @@
+"""diagnose: a number that is another one in each part of a drive is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, T, drive, found
+
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.verdict import answer, steady
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.steady import changes_all_the_way
+
+YAW = 2
+# Four parts of the minute: a scale on top of itself that goes up and down again.
+UP_AND_DOWN = np.where((T // 15.0) % 2.0 == 0.0, 1.0, -1.0)
+
+
+def scaled(by: np.ndarray) -> Drive:
+    """A yaw gyro that shows so much more of what it shows (n,)."""
+
+    def more(one: Drive) -> None:
+        one.measured[:, YAW] *= 1.0 + by
+
+    return drive({}, CITY_V, CITY_STEER, change=more)
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_none"),
+    [(np.zeros(len(T)), False), (0.3 * UP_AND_DOWN, False), (0.9 * UP_AND_DOWN, True), (-1.5 * UP_AND_DOWN, True)],
+)
+@pytest.mark.parametrize("size", [0.05, -0.02])
+def test_a_scale_that_changes_by_most_of_itself_is_none(changes: np.ndarray, size: float, is_none: bool) -> None:
+    one = scaled(size * (1.0 + changes))
+    fit = fitted(one, rows_of(one), nothing(), ("gyro_scale",), TOLERANCE)
+    assert fit.x[INDEX["gyro_scale.z"]] == pytest.approx(size, rel=0.3)
+    assert changes_all_the_way(one, fit, "gyro_scale") is is_none
+
+
+def test_noise_is_no_change_and_a_road_has_no_number() -> None:
+    """Of a scale that is next to nothing noise makes another one of each part."""
+    one = scaled(np.full(len(T), 3e-4))
+    fit = fitted(one, rows_of(one), nothing(), ("gyro_scale", "road_bank"), TOLERANCE)
+    assert not changes_all_the_way(one, fit, "gyro_scale")
+    assert not changes_all_the_way(one, fit, "road_bank")
+    assert not changes_all_the_way(one, fit, "accel_scale")
+
+
+def test_what_changes_all_the_way_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(scaled(np.full(len(T), 0.05)))
+    assert [cause.effect for cause in answered(search).causes] == ["gyro_scale"]
+    monkeypatch.setattr(answer, "changes_all_the_way", lambda *_: True)
+    assert answered(search).causes == []
+    assert steady.changes_all_the_way(search.drive, search.best, "gyro_scale") is False
