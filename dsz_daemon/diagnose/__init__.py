@@ -82,7 +82,7 @@ def diagnose(
     words = vocabulary(effects)
     if say is not None:
         say("looking for axes that are not what they are called")
-    signals, single = told_by_readings(signals)
+    signals, single = told_by_readings(signals, steering_ratio)
     recording = recorded(signals, steering_ratio, reference)
     role = BY_HAND if BY_HAND in signals else AT_THE_ROAD
     input_faults, wiring = found_input_faults(recording, car, steering_ratio, role)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from core_cases import TUCSON
+from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
 from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
 
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.faults.single_readings import told_by_readings
+from dsz_daemon.diagnose.faults.single_readings import STEPS, told_by_readings
 from dsz_daemon.diagnose.recordings.recording import recorded, white_std
 from dsz_daemon.diagnose.recordings.rounding import coarse_step
+from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
+from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.pipeline.grid import Signal
 
 N, NOISE = len(STAMPS), 0.01
@@ -29,7 +33,7 @@ def hit(size: float | np.ndarray, count: int = 60) -> np.ndarray:
 
 
 def test_spikes_are_said_and_left_out() -> None:
-    found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)})
+    found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)}, RATIO)
     [shape] = found.shapes
     assert (shape.channel, shape.shape) == ("accel_y", "+-k in single readings")
     assert shape.coefficient.value == pytest.approx(0.6, rel=0.02)
@@ -57,10 +61,10 @@ def test_spikes_are_said_and_left_out() -> None:
     ids=["noise", "small", "seldom", "all sizes", "steps", "shakes", "nothing", "gaps"],
 )
 def test_what_is_no_spike_stays(values: np.ndarray) -> None:
-    found = told_by_readings({"accel_y": signal(values)})
+    found = told_by_readings({"accel_y": signal(values)}, RATIO)
     assert found.shapes == []
     assert found.signals["accel_y"].values is values
-    assert told_by_readings({"accel_y": Signal(STAMPS[:50], hit(0.6)[:50])}).shapes == []
+    assert told_by_readings({"accel_y": Signal(STAMPS[:50], hit(0.6)[:50])}, RATIO).shapes == []
 
 
 @pytest.mark.parametrize(
@@ -77,7 +81,7 @@ def test_what_is_no_spike_stays(values: np.ndarray) -> None:
 def test_two_sensors_in_turn_are_said_and_their_mean_is_taken(share: float, more: float, shapes: list[str]) -> None:
     odd = np.arange(N) % 2 == 1
     values = NOISY + odd * (share * COURSE + more)
-    found = told_by_readings({"accel_y": signal(values)})
+    found = told_by_readings({"accel_y": signal(values)}, RATIO)
     assert [shape.shape for shape in found.shapes] == shapes
     told = {shape.shape: shape.coefficient for shape in found.shapes}
     if "k in every other reading" in told:
@@ -116,7 +120,13 @@ def test_steps_behind_noise_are_found() -> None:
 @pytest.mark.parametrize("role", ["steering_wheel_angle", "road_wheel_angle"])
 def test_coarse_steps_are_said_and_known_to_the_simulation(role: str) -> None:
     values = stepped(1e-3)
-    [shape] = told_by_readings({role: signal(values)}).shapes
+    by = 1.0 if role == "steering_wheel_angle" else RATIO
+    [shape] = told_by_readings({role: signal(values / by)}, RATIO).shapes
+    # Finer ones, of a hand wheel as well as of road wheels, are a sensor's resolution.
+    for noise_rad in (0.0, 1e-3):
+        assert told_by_readings({role: signal(stepped(noise_rad, np.radians(3.5)) / by)}, RATIO).shapes == []
+    [of_all] = told_by_readings({role: signal(stepped(0.0) / by)}, RATIO).shapes
+    assert of_all.coefficient.value == pytest.approx(STEP_RAD / by)
     assert (shape.channel, shape.shape, shape.coefficient.unit) == (role, "steps of k", "rad")
     ratio = RATIO if role == "steering_wheel_angle" else 1.0
     recording = recorded({role: signal(values), "accel_y": signal(NOISY)}, RATIO)
@@ -133,3 +143,17 @@ def test_the_answer_says_what_readings_tell_and_gives_what_two_sensors_show_no_s
     # All of them by as much are a scale.
     said = diagnose(signals | {"accel_y": signal(0.9 * signals["accel_y"].values)}, TUCSON, RATIO).said
     assert [cause.effect for cause in said.causes] == ["accel_scale"]
+
+
+def test_how_a_hand_moves_of_which_only_steps_are_known_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = Shape("steering_wheel_angle", STEPS, Coefficient(STEP_RAD, 1e-3, "rad"), 1.0)
+    late = found(drive({"steering_delay.delay_s": 0.1, "yaw_inertia.share": 0.3}, CITY_V, CITY_STEER))
+    said = answered(late)
+    assert [cause.effect for cause in said.causes] == ["steering_delay"]
+    assert [error.parameter for error in said.parameter_errors] == ["yaw_inertia_kgm2"]
+    said = answered(late, beside=[steps])
+    assert said.causes == said.parameter_errors == []
+    assert said.unlisted[0] == steps
+    # Nor is a car harder to turn that turns otherwise.
+    monkeypatch.setattr(answer, "turned_by_another", lambda *_: (set(), ["gyro_z"]))
+    assert answered(late).parameter_errors == []

@@ -48,7 +48,8 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("low_friction", "c", "d", "e", "f", "steering_ratio"), {"gyro_z": 1.4, "accel_y": 1.4}, set(), []),
         (("low_friction", "c", "d", "e", "steering_ratio"), {"gyro_z": 2.3, "accel_y": 1.4}, set(), []),
         # But for one that has both wrong by far, or wheels as well.
-        (("low_friction",), {"gyro_z": 3.1, "accel_y": 5.0}, {"low_friction"}, ["gyro_z", "accel_y"]),
+        (("low_friction",), {"gyro_z": 2.4, "accel_y": 5.0}, {"low_friction"}, ["gyro_z", "accel_y"]),
+        (("low_friction",), {"gyro_z": 2.2, "accel_y": 5.0}, set(), []),
         (
             ("tyre_saturation", "steering_ratio"),
             {"gyro_z": 1.6, "accel_y": 1.8, "wheel_speed_fl": 7.0},

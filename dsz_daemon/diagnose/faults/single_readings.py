@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.recordings.recording import white_std
-from dsz_daemon.diagnose.recordings.rounding import coarse_step
+from dsz_daemon.diagnose.recordings.recording import steering_step, white_std
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS
@@ -27,6 +26,13 @@ _FAR, _NEIGHBOURS, _SPIKES, _ALIKE, _SMALLER, _FEWER = 8.0, 0.5, 10, 0.15, (0.5,
 # Every other reading is another sensor's by so many spreads, and by so much of all that readings differ by.
 _SURELY, _MOST = 50.0, 0.3
 EVERY_OTHER = "in every other reading"
+# A hand wheel whose angle is known no better than by such steps leaves open how it moves: the coarsest in cars are of
+# 1.5 degrees.
+_COARSE_RAD, STEPS = np.radians(4.0), "steps of k"
+# What such steps look like: something that is late, or loose, or lasts.
+HIDDEN_BY_STEPS = frozenset(
+    {"steering_delay", "steering_backlash", "steering_compliance", "tyre_relaxation", "yaw_inertia"}
+)
 _OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
 
 
@@ -37,7 +43,7 @@ class Readings(NamedTuple):
     shapes: list[Shape]
 
 
-def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
+def told_by_readings(signals: Mapping[str, Signal], steering_ratio: float) -> Readings:
     """Spikes are left out, two sensors in turn are their mean; what is said of each has its share of the readings."""
     found = Readings(dict(signals), [])
     for name in IMU_CHANNELS:
@@ -59,11 +65,10 @@ def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
             told = Coefficient(float(np.median(sizes)), float(np.std(sizes) / np.sqrt(len(sizes))), unit)
             found.shapes.append(Shape(name, "+-k in single readings", told, len(spikes) / len(signal.values)))
             found.signals[name] = Signal(np.delete(signal.t_ns, spikes), np.delete(signal.values, spikes))
-    for name in ("steering_wheel_angle", "road_wheel_angle"):
-        if name in signals and (step := coarse_step(signals[name])):
-            found.shapes.append(
-                Shape(name, "steps of k", Coefficient(step, white_std(signals[name].values), "rad"), 1.0)
-            )
+    for name, ratio in (("steering_wheel_angle", 1.0), ("road_wheel_angle", steering_ratio)):
+        if name in signals and steering_step(signals[name]) * ratio > _COARSE_RAD:
+            told = Coefficient(steering_step(signals[name]), white_std(signals[name].values), "rad")
+            found.shapes.append(Shape(name, STEPS, told, 1.0))
     return found
 
 

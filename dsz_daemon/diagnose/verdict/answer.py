@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
-from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER
+from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, HIDDEN_BY_STEPS, STEPS
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
@@ -59,6 +59,9 @@ def answered(
     no_names |= curve_of_an_axle(found)
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
+    # Nor is known how a hand moves of which only steps are.
+    by_steps = any(one.shape == STEPS for one in beside)
+    no_names |= HIDDEN_BY_STEPS if by_steps else set()
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
     no_names |= {effect for effect in effects if changes_all_the_way(found.drive, found.best, effect)}
     if unexplained:
@@ -71,6 +74,9 @@ def answered(
     # Within their tolerance tyres make up for how what turns a car without a name is drawn.
     if TYRES not in found.best.effects and any(map(is_of_the_car, sure)):
         withheld |= set(BEYOND[TYRES])
+    # Nor is a car that turns otherwise, or whose hand wheel only steps are known of, harder to turn.
+    if turning or by_steps:
+        withheld |= set(BEYOND["yaw_inertia"])
     errors = [error for error in parameter_errors(found, each) if error.parameter not in withheld]
     named = [effect for effect in found.best.effects if effect not in no_names and not is_shape(effect)]
     doubts = (doubt_of(found, effect, unexplained) for effect in named)

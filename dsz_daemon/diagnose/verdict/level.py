@@ -27,9 +27,10 @@ _COLOURED = 2.0
 # were told by such a name, 1.85 times at least.
 TURNED = 1.5
 OF_A_TURN, _TURN = ("gyro_z", "accel_y"), {*TURNS, "steering_delay", "steering_backlash"}
-# A limit of grip left both up to 1.8 times what may be, of tyres that are linear up to it; a power steering that cannot
-# follow 8 times, and a stability control, that brakes wheels besides, 1.8 times.
-_OF_A_LIMIT = 3.0
+# A limit of grip left both up to 1.8 times what may be, of tyres that are linear up to it; tyres that drive and brakes
+# make softer 2.8 times, a power steering that cannot follow 8 times, and a stability control, that brakes wheels
+# besides, 1.8 times.
+_OF_A_LIMIT = 2.3
 # Beside a limit of grip that leaves one of them as far off, what gains less than so much of what the limit does is the
 # curve of these tyres: two ratios that were none had 0.08 and 0.10 of it.
 _OF_A_CURVE = 0.2
