@@ -26,6 +26,8 @@ GUSTS = sharp_kernel(0.8)
 # The most rounds of a wind that is felt, and of one that was felt for other parameters or of which its place is asked;
 # they end where one adds so little to what there is (power).
 ROUNDS, AGAIN, _LITTLE = 6, 2, 1e-3
+# The last round after one that left so little of what there was needs no look at what it leaves.
+_QUICKLY = 0.25
 _ROLL_RATE, _ACROSS = 0, 4
 _LEANS = INDEX["suspension_roll.roll_gradient_rad_per_mps2"]
 _WIND_LEANS = INDEX["side_wind.leans"]
@@ -58,15 +60,17 @@ def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> 
         left_mps2 = np.where(rolling, left_mps2, 0.0)
         return left_mps2, float(np.sum(left_mps2**2))
 
-    left_mps2, before = left_by(road)
-    for _ in range(rounds):
+    (left_mps2, before), share = left_by(road), 1.0
+    for k in range(rounds):
         more_n = filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), GUSTS)
         more = road._replace(side_n=road.side_n + more_n)
+        if k == rounds - 1 and share < _QUICKLY:
+            return more
         left, after = left_by(more)
         # Where tyres answer late, a round may take away more than there was.
         if after >= before:
             break
-        road, left_mps2, before = more, left, after
+        road, left_mps2, before, share = more, left, after, after / before
         if float(np.sum(more_n**2)) < _LITTLE * float(np.sum(road.side_n**2)):
             break
     return road
