@@ -32,6 +32,15 @@ def hit(size: float | np.ndarray, count: int = 60) -> np.ndarray:
     return values
 
 
+def shaken(values: np.ndarray) -> np.ndarray:
+    """Every fiftieth reading to one side and the next one to the other: no spikes, whose neighbours agree."""
+    moved = values.copy()
+    there = np.setdiff1d(np.arange(25, N - 25, 50), np.concatenate([HIT + k for k in range(-3, 4)]))
+    moved[there] += 0.12
+    moved[there + 1] -= 0.12
+    return moved
+
+
 def test_spikes_are_said_and_left_out() -> None:
     found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)}, RATIO)
     [shape] = found.shapes
@@ -52,13 +61,16 @@ def test_spikes_are_said_and_left_out() -> None:
         hit(0.07),
         hit(0.6, 8),
         hit(np.linspace(0.1, 1.0, 60)),
+        # Of many sizes, and of one beside as much that is between it and the noise.
+        hit(np.linspace(0.42, 0.8, 60)),
+        shaken(hit(0.3)),
         NOISY + 0.6 * (np.arange(N) // 50 % 2),
         # What shakes the sensor.
         NOISY + 0.3 * np.sin(2.0 * np.pi * 37.0 * TIME_S) * np.maximum(np.sin(0.2 * TIME_S), 0.0),
         np.zeros(N),
         np.where(TIME_S < 5.0, np.nan, NOISY),
     ],
-    ids=["noise", "small", "seldom", "all sizes", "steps", "shakes", "nothing", "gaps"],
+    ids=["noise", "small", "seldom", "all sizes", "many sizes", "and less", "steps", "shakes", "nothing", "gaps"],
 )
 def test_what_is_no_spike_stays(values: np.ndarray) -> None:
     found = told_by_readings({"accel_y": signal(values)}, RATIO)
@@ -111,6 +123,15 @@ def test_steps_behind_noise_are_found() -> None:
     assert coarse_step(signal(stepped(0.0))) == 0.0
     assert coarse_step(signal(stepped(0.02))) == 0.0
     assert coarse_step(signal(HAND + 1e-3 * RNG.normal(size=N))) == 0.0
+    # Steps of two sizes, a hand that moves between them, and one that hardly ever stands.
+    two = np.cumsum(np.where(np.arange(N) % 100 == 0, np.where(np.arange(N) % 200 == 0, 0.16, -0.10), 0.0))
+    assert coarse_step(signal(two + 1e-3 * RNG.normal(size=N))) == 0.0
+    there = np.where(np.arange(N) % 100 < 50, STEP_RAD, 0.0)
+    between = there + np.cumsum(np.where(np.arange(N) % 60 == 30, 0.05, 0.0))
+    assert coarse_step(signal(there + 1e-3 * RNG.normal(size=N))) == pytest.approx(STEP_RAD, rel=0.02)
+    assert coarse_step(signal(between + 1e-3 * RNG.normal(size=N))) == 0.0
+    restless = np.where(np.arange(N) % 4 < 2, STEP_RAD, 0.0)
+    assert coarse_step(signal(restless + 1e-3 * RNG.normal(size=N))) == 0.0
     # A hand that jerks makes moves of all sizes.
     jerks = np.cumsum(np.where(np.arange(N) % 100 == 0, RNG.uniform(-0.3, 0.3, N), 0.0))
     assert coarse_step(signal(jerks + 1e-3 * RNG.normal(size=N))) == 0.0

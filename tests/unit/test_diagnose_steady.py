@@ -46,12 +46,22 @@ def test_noise_is_no_change_and_a_road_has_no_number() -> None:
     fit = fitted(one, rows_of(one), nothing(), ("gyro_scale", "road_bank"), TOLERANCE)
     assert not changes_all_the_way(one, fit, "gyro_scale")
     assert not changes_all_the_way(one, fit, "road_bank")
+    # Nor where the knots of its corrections are nothing that stays.
+    knots = one.vocabulary.columns_of("road_bank")
+    x, std = fit.x.copy(), fit.std.copy()
+    x[list(knots)] = 1e-9
+    std[[fit.columns.index(i) for i in knots if i in fit.columns]] = 1e-12
+    sums = fit.sums._replace(cross=1e4 * np.random.default_rng(1).normal(size=fit.sums.cross.shape))
+    assert not changes_all_the_way(one, fit._replace(x=x, std=std, sums=sums), "road_bank")
+    assert changes_all_the_way(one, fit._replace(sums=sums), "gyro_scale")
     assert not changes_all_the_way(one, fit, "accel_scale")
 
 
 def test_what_changes_all_the_way_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     search = found(scaled(np.full(len(T), 0.05)))
     assert [cause.effect for cause in answered(search).causes] == ["gyro_scale"]
-    monkeypatch.setattr(answer, "changes_all_the_way", lambda *_: True)
-    assert answered(search).causes == []
+    for rule, of_it in (("changes_all_the_way", True), ("curve_of_an_axle", {"gyro_scale"})):
+        with monkeypatch.context() as one:
+            one.setattr(answer, rule, lambda *_, of_it=of_it: of_it)
+            assert answered(search).causes == []
     assert steady.changes_all_the_way(search.drive, search.best, "gyro_scale") is False

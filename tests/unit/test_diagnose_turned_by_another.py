@@ -85,6 +85,7 @@ def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
         ({"locked_axle": 800.0, "steering_ratio": 1000.0, "imu_lever_arm": 210.0}, set()),
         ({"locked_axle": 1000.0, "imu_lever_arm": 190.0, "gyro_scale": 20.0}, {"imu_lever_arm"}),
         ({"steering_ratio": 1000.0, "imu_lever_arm": 190.0}, set()),
+        ({"locked_axle": 1000.0, "steering_backlash": 190.0, "steering_delay": 210.0}, {"steering_backlash"}),
     ],
 )
 def test_what_gains_little_beside_wheels_that_turn_alike_is_how_they_scrub(
