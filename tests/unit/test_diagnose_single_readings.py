@@ -127,10 +127,10 @@ def test_steps_behind_noise_are_found() -> None:
     two = np.cumsum(np.where(np.arange(N) % 100 == 0, np.where(np.arange(N) % 200 == 0, 0.16, -0.10), 0.0))
     assert coarse_step(signal(two + 1e-3 * RNG.normal(size=N))) == 0.0
     there = np.where(np.arange(N) % 100 < 50, STEP_RAD, 0.0)
-    between = there + np.cumsum(np.where(np.arange(N) % 60 == 30, 0.05, 0.0))
+    between = there + np.cumsum(np.where(np.arange(N) % 80 == 35, 0.05, 0.0))
     assert coarse_step(signal(there + 1e-3 * RNG.normal(size=N))) == pytest.approx(STEP_RAD, rel=0.02)
     assert coarse_step(signal(between + 1e-3 * RNG.normal(size=N))) == 0.0
-    restless = np.where(np.arange(N) % 4 < 2, STEP_RAD, 0.0)
+    restless = np.where(np.arange(N) % 16 < 8, STEP_RAD, 0.0)
     assert coarse_step(signal(restless + 1e-3 * RNG.normal(size=N))) == 0.0
     # A hand that jerks makes moves of all sizes.
     jerks = np.cumsum(np.where(np.arange(N) % 100 == 0, RNG.uniform(-0.3, 0.3, N), 0.0))
