@@ -269,6 +269,23 @@ def test_an_accelerometers_noise_is_no_wind(monkeypatch: pytest.MonkeyPatch) -> 
     assert smooth_n < 0.25 * np.std(GUSTS_N)
 
 
+def test_a_wind_that_is_nearly_there_is_not_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each round begins with what is left, and the last one ends with it only if the one before left much."""
+    one, x = blown_on(0.4)
+    looks, left = list[int](), list[float]()
+
+    def looked(*given: Any) -> np.ndarray:
+        looks[-1] += 1
+        return predicted(*given)
+
+    monkeypatch.setattr(winds, "predicted", looked)
+    for rounds in (1, 2, 3):
+        looks.append(0)
+        left.append(float(np.std((winds.with_wind(one, x, flat(N), rounds).side_n - GUSTS_N)[MIDDLE])))
+    assert looks == [2, 2, 3]
+    assert left[1] < left[0] < 0.1 * np.std(GUSTS_N)
+
+
 def test_where_tyres_answer_late_no_wind_runs_away() -> None:
     one, x = blown_on(0.4)
     x[INDEX["tyre_relaxation.relaxation_length_m"]] = 1.5
