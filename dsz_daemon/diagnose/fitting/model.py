@@ -32,6 +32,8 @@ GRIP = {"low_friction", "tyre_saturation"}
 SAME_TURN = frozenset({MASS_LOADING.name, *MASS_LOADING.like})
 # Of these numbers what tyres may be off by leaves much open.
 BESIDE_TYRES = frozenset({MASS_LOADING.name, STEERING_COMPLIANCE.name})
+# And this one readings tell by themselves.
+SATURATION = "sensor_saturation"
 _TOLERATED = tuple(range(len(OFFSETS), len(OFFSETS) + len(TOLERATED)))
 DRAWN = frozenset(INDEX[parameter.name] for parameter in FORM)
 
@@ -125,7 +127,7 @@ def values_of(drive: Drive, fit: Fit, effect: str, *, as_fitted: bool = False) -
     values, spreads = fit.x[list(fit.columns)], fit.std
     if fit.told is not None and not as_fitted:
         # Of others a model may have been moved since: when a stretch begins to the middle of what is as good.
-        values, spreads = fit.told if effect in BESIDE_TYRES else (values, fit.told[1])
+        values, spreads = fit.told if effect in {*BESIDE_TYRES, SATURATION} else (values, fit.told[1])
     own = drive.vocabulary.columns_of(effect) if effect else NUISANCES
     there = [(fit.columns.index(i), drive.vocabulary.columns[i][1].name) for i in own if i in fit.columns]
     return {name: (float(values[place]), float(spreads[place])) for place, name in there}

@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.row import CAR, SENSORS, WHEELS
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
-from dsz_daemon.diagnose.fitting.model import BESIDE_TYRES, GRIP, IMU, OWN_CHANNEL, TILTS, Slopes, Told
+from dsz_daemon.diagnose.fitting.model import BESIDE_TYRES, GRIP, IMU, OWN_CHANNEL, SATURATION, TILTS, Slopes, Told
 from dsz_daemon.diagnose.fitting.mounts import IN_A_BODY_M, MOUNT, as_drawn_rad
 from dsz_daemon.diagnose.residuals.comparison import Rows
 from dsz_daemon.diagnose.residuals.evidence import Sums, inverse_of_told
@@ -80,12 +80,13 @@ def spreads_of(
     """
     own = np.hypot(np.sqrt(np.diag(covariance)), _by_what_is_beside(drive, rows, model, left))
     std, spreads = (np.hypot(own, form) for form in _by_form(drive, model))
-    columns, of_itself = model.columns, np.abs(model.x[list(model.columns)])
-    for i in limits_read_off(drive, model.x) if "sensor_saturation" in model.effects else ():
-        # Readings tell it to the last digit, but for what the filter makes of short tops.
+    columns, values = model.columns, model.x[list(model.columns)]
+    for i, tops in limits_read_off(drive, model.x).items() if SATURATION in model.effects else ():
+        # Readings tell it to the last digit; of short tops the filter leaves less, and so does a fit.
         at = columns.index(i)
-        std[at], spreads[at] = JUDGED.of_itself * of_itself[at], _TOLD[SENSORS].of_itself * of_itself[at]
-    told = model.x[list(columns)], spreads
+        values[at] = float(np.mean([top.limit for top in tops]))
+        std[at], spreads[at] = JUDGED.of_itself * values[at], _TOLD[SENSORS].of_itself * values[at]
+    told = values, spreads
     if BESIDE_TYRES & set(model.effects):
         told = _beside_tyres(drive, model, told, covariance, tolerance)
     return std, told
