@@ -9,7 +9,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
 from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
 
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.faults.single_readings import STEPS, told_by_readings
+from dsz_daemon.diagnose.faults.single_readings import STEPS, coarse_steering, told_by_readings
 from dsz_daemon.diagnose.recordings.recording import recorded, white_std
 from dsz_daemon.diagnose.recordings.rounding import coarse_step
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
@@ -42,7 +42,7 @@ def shaken(values: np.ndarray) -> np.ndarray:
 
 
 def test_spikes_are_said_and_left_out() -> None:
-    found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)}, RATIO)
+    found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)})
     [shape] = found.shapes
     assert (shape.channel, shape.shape) == ("accel_y", "+-k in single readings")
     assert shape.coefficient.value == pytest.approx(0.6, rel=0.02)
@@ -73,10 +73,10 @@ def test_spikes_are_said_and_left_out() -> None:
     ids=["noise", "small", "seldom", "all sizes", "many sizes", "and less", "steps", "shakes", "nothing", "gaps"],
 )
 def test_what_is_no_spike_stays(values: np.ndarray) -> None:
-    found = told_by_readings({"accel_y": signal(values)}, RATIO)
+    found = told_by_readings({"accel_y": signal(values)})
     assert found.shapes == []
     assert found.signals["accel_y"].values is values
-    assert told_by_readings({"accel_y": Signal(STAMPS[:50], hit(0.6)[:50])}, RATIO).shapes == []
+    assert told_by_readings({"accel_y": Signal(STAMPS[:50], hit(0.6)[:50])}).shapes == []
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_what_is_no_spike_stays(values: np.ndarray) -> None:
 def test_two_sensors_in_turn_are_said_and_their_mean_is_taken(share: float, more: float, shapes: list[str]) -> None:
     odd = np.arange(N) % 2 == 1
     values = NOISY + odd * (share * COURSE + more)
-    found = told_by_readings({"accel_y": signal(values)}, RATIO)
+    found = told_by_readings({"accel_y": signal(values)})
     assert [shape.shape for shape in found.shapes] == shapes
     told = {shape.shape: shape.coefficient for shape in found.shapes}
     if "k in every other reading" in told:
@@ -142,11 +142,11 @@ def test_steps_behind_noise_are_found() -> None:
 def test_coarse_steps_are_said_and_known_to_the_simulation(role: str) -> None:
     values = stepped(1e-3)
     by = 1.0 if role == "steering_wheel_angle" else RATIO
-    [shape] = told_by_readings({role: signal(values / by)}, RATIO).shapes
+    [shape] = coarse_steering({role: signal(values / by)}, RATIO)
     # Finer ones, of a hand wheel as well as of road wheels, are a sensor's resolution.
     for noise_rad in (0.0, 1e-3):
-        assert told_by_readings({role: signal(stepped(noise_rad, np.radians(3.5)) / by)}, RATIO).shapes == []
-    [of_all] = told_by_readings({role: signal(stepped(0.0) / by)}, RATIO).shapes
+        assert coarse_steering({role: signal(stepped(noise_rad, np.radians(3.5)) / by)}, RATIO) == []
+    [of_all] = coarse_steering({role: signal(stepped(0.0) / by)}, RATIO)
     assert of_all.coefficient.value == pytest.approx(STEP_RAD / by)
     assert (shape.channel, shape.shape, shape.coefficient.unit) == (role, "steps of k", "rad")
     ratio = RATIO if role == "steering_wheel_angle" else 1.0

@@ -43,7 +43,7 @@ class Readings(NamedTuple):
     shapes: list[Shape]
 
 
-def told_by_readings(signals: Mapping[str, Signal], steering_ratio: float) -> Readings:
+def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
     """Spikes are left out, two sensors in turn are their mean; what is said of each has its share of the readings."""
     found = Readings(dict(signals), [])
     for name in IMU_CHANNELS:
@@ -65,10 +65,16 @@ def told_by_readings(signals: Mapping[str, Signal], steering_ratio: float) -> Re
             told = Coefficient(float(np.median(sizes)), float(np.std(sizes) / np.sqrt(len(sizes))), unit)
             found.shapes.append(Shape(name, "+-k in single readings", told, len(spikes) / len(signal.values)))
             found.signals[name] = Signal(np.delete(signal.t_ns, spikes), np.delete(signal.values, spikes))
+    return found
+
+
+def coarse_steering(signals: Mapping[str, Signal], steering_ratio: float) -> list[Shape]:
+    """What is said of a steering angle that is told in coarse steps of the hand wheel, rad."""
+    found = []
     for name, ratio in (("steering_wheel_angle", 1.0), ("road_wheel_angle", steering_ratio)):
-        if name in signals and steering_step(signals[name]) * ratio > _COARSE_RAD:
-            told = Coefficient(steering_step(signals[name]), white_std(signals[name].values), "rad")
-            found.shapes.append(Shape(name, STEPS, told, 1.0))
+        step_rad = steering_step(signals.get(name))
+        if step_rad * ratio > _COARSE_RAD:
+            found.append(Shape(name, STEPS, Coefficient(step_rad, white_std(signals[name].values), "rad"), 1.0))
     return found
 
 
