@@ -110,6 +110,14 @@ def test_two_sensors_in_turn_are_said_and_their_mean_is_taken(share: float, more
         assert found.signals["accel_y"].t_ns[0] == (STAMPS[0] + STAMPS[1]) // 2
 
 
+@pytest.mark.parametrize("stands_at", [9.81, 1.0, 2.0, 100.0])
+def test_a_channel_that_hardly_stirs_is_no_traceback(stands_at: float) -> None:
+    """By one rounding, once: of such a course no slope can be told, whatever an inverse makes of it."""
+    for n in (200, 1000, N):
+        values = np.where(np.arange(n) < n // 2, stands_at, np.nextafter(stands_at, np.inf))
+        assert told_by_readings({"accel_z": Signal(STAMPS[:n], values)}).shapes == []
+
+
 STEP_RAD = np.radians(9.0)
 
 

@@ -114,7 +114,7 @@ def _every_other(name: str, signal: Signal, unit: str) -> list[Shape]:
         return []
     k, *_ = np.linalg.lstsq(table, away, rcond=None)
     left = away - table @ k
-    std = np.std(left) * np.sqrt(np.diag(np.linalg.inv(table.T @ table)))
+    std = np.std(left) * np.sqrt(np.diag(np.linalg.pinv(table.T @ table)))
     if not np.sum(left**2) < (1.0 - _MOST) * np.sum(away**2):
         return []
     terms = ((f"k {EVERY_OTHER}", unit), (f"k*{_OWN[name]} {EVERY_OTHER}", "1"))
