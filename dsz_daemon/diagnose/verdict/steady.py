@@ -10,9 +10,9 @@ from dsz_daemon.diagnose.fitting.model import OWN_CHANNEL, Fit
 from dsz_daemon.diagnose.residuals.evidence import inverse_of_told
 from dsz_daemon.diagnose.simulation.drive import Drive
 
-# So many blocks make a part. What a number changes by (rms) over itself: right names of two simulators by other authors,
-# and of the proof's two cars at size 1, changed by 0.25 of themselves at most, but for one compliance that was hardly
-# told (0.48, which noise may do); a gyro's scale beside a product that is not quite what the gyro shows by 0.58.
+# So many blocks make a part. What a number changes by (rms) over itself: right names of two simulators by other
+# authors, and of the proof's two cars at size 1, changed by 0.25 of themselves at most, but for one compliance that was
+# hardly told (0.48, which noise may do); a gyro's scale beside a product that is not quite what the gyro shows by 0.58.
 _BLOCKS, _OF_ITSELF = 3, 0.5
 # Parts scatter by so many times what noise makes them, or that is all that it is.
 _SURELY = 4.0
