@@ -1,7 +1,7 @@
 """What single readings tell before any simulation: spikes, every other reading another sensor's, coarse steps.
 
 A reading that is far from both of its neighbours, which agree, is no motion: nothing that moves is back within two
-samples. Torn words (one half of a number old) and hits on a line look so.
+samples. Hits on a line look so, and torn words (one half of a number old), if they are few and far from the noise.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.surroundings.winds import folds_of, told_by
 _MOVED, _PITCH_RATE, _YAW_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, 2, {"road_grade": 3, "road_bank": 4}
 # A tilt by itself: so much of its power is no course of what the car does, now or some seconds before, on a fifth of
 # the way that the course has not seen; and so often it goes from far on one side, in parts of its rms, to far on the
-# other. What follows a car had 0.02 at most, roads 0.58 at least, of which as much as 0.85 was told where it was seen.
+# other. What follows a car had 0.02 at most, of three roads one 0.58, of which 0.85 was told where all of it was seen.
 _BY_ITSELF, _PARTS, _LAGS_S, _FAR, _SWINGS, _FEWEST = 0.5, 5, (4.0, 15.0), 0.7, 3, 30
 _FLAT_ROADS, _FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
 # A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
@@ -38,8 +38,8 @@ _HALF, _SURELY, _MOST = 0.5, 2.0, 0.9
 # two brackets that tip had 9 and 21, 0.74 and 0.91.
 _AT_ONCE_S, _TIPS, _TENTH, _OF_ITS_WAY = 0.5, 5, 0.1, 0.6
 # A bank knows nothing of drive and brakes, nor a grade of bends: of its power what they tell of it, now or so much
-# before, on unseen blocks. Of 24 banks none had any, a body that rolls by its engine's torque 0.99; of grades none had
-# more than 0.05, a body that swing axles lift in bends 0.97.
+# before, on unseen blocks. Of 24 banks none had any, a body that rolls by its engine's torque 0.99; of six grades
+# none had more than 0.05, a body that swing axles lift in bends 0.97.
 _OF_THE_DRIVE, _DRIVEN_S = 0.95, (0.0, 0.25, 0.5)
 
 
