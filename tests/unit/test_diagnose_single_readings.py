@@ -174,6 +174,20 @@ def test_the_answer_says_what_readings_tell_and_gives_what_two_sensors_show_no_s
     assert [cause.effect for cause in said.causes] == ["accel_scale"]
 
 
+def test_a_diagnosis_goes_on_without_spikes_and_says_how_coarse_the_steering_is() -> None:
+    signals = made(HAND, stepped(0.0))
+    side = signals["accel_y"].values.copy()
+    side[HIT] += 3.0 * SIDE
+    found_now = diagnose(signals | {"accel_y": signal(side)}, TUCSON, RATIO)
+    assert {(one.channel, one.shape) for one in found_now.said.unlisted} >= {
+        ("accel_y", "+-k in single readings"),
+        ("steering_wheel_angle", "steps of k"),
+    }
+    # What is compared has none of the 3 m/s2, of which the low-pass would have left 0.2.
+    clean = recorded(signals, RATIO).imu[:, 4]
+    assert np.nanmax(np.abs(found_now.search.drive.recording.imu[:, 4] - clean)) < 0.02
+
+
 def test_how_a_hand_moves_of_which_only_steps_are_known_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     steps = Shape("steering_wheel_angle", STEPS, Coefficient(STEP_RAD, 1e-3, "rad"), 1.0)
     late = found(drive({"steering_delay.delay_s": 0.1, "yaw_inertia.share": 0.3}, CITY_V, CITY_STEER))
