@@ -21,12 +21,15 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tests/audit/audit.py
 
+# The files that have a test of such a mark: to look for them in all that there are takes longer than some of them do.
+marked = $(shell grep -rlE 'pytest\.mark\.$(1)\>' tests --include='test_*.py')
+
 unit: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 -m "not vcan and not long"
 
 # A minute on a kernel's own vcan, beside nothing else: prints how late ticks were, for dsz and for a peer.
 quiet: $(VENV)/.dev
-	$(BIN)/python -m pytest -m quiet -s
+	$(BIN)/python -m pytest -m quiet -s $(call marked,quiet)
 
 # The fuzzers, in full, take a quarter of an hour of CPU. They get what is left of it (a session's own weight comes
 # before a process's) by the guests, which want little but want it soon, by the mutations and by what takes long.
@@ -42,10 +45,10 @@ beside: $(VENV)/.dev
 
 # The fault table and a real systemd, one guest after the other.
 guests: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "vcan and not quiet" -s
+	$(BIN)/python -m pytest -m "vcan and not quiet" -s $(call marked,vcan)
 
 long: $(VENV)/.dev
-	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m pytest -m long $(call marked,long)
 
 # Alone, on two CPUs; the same as in `beside`.
 fuzz: $(VENV)/.dev
