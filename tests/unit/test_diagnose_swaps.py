@@ -162,6 +162,31 @@ def test_a_search_gives_the_place_to_what_gains_more(monkeypatch: pytest.MonkeyP
     assert gains["gyro_scale"] - gains[oldest] == pytest.approx(more)
 
 
+def test_before_a_shape_is_taken_what_came_early_gives_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the wrong one of two that are alike leaves has a shape, too, that is none."""
+    one = drive({"sensor_bandwidth.time_constant_s": 0.04} | TYRES, CITY_V, CITY_STEER)
+    asked: list[tuple[str, ...]] = []
+    shape = search_module.Found(
+        as_effect("gyro_z", "delta^3", CITY_STEER, "1", 1.0), "gyro_z", "k*delta^3", 1.0, 0.0, 1.0, 0.1
+    )
+
+    def shaped(trial: Trial, *_: object) -> object:
+        asked.append(trial.best.effects)
+        return (one, trial.best, shape) if len(asked) == 3 else None
+
+    monkeypatch.setattr(search_module, "_nameless", shaped)
+    said: list[str] = []
+    before = searched(one, rows_of(one), TOLERANCE, said.append)
+    assert asked[1:] == [("imu_delay",), ("imu_delay", "tyre_relaxation"), ("sensor_bandwidth", "tyre_relaxation")]
+    assert "without a name" not in " ".join(said)
+    assert before.best.effects == ("sensor_bandwidth", "tyre_relaxation")
+    assert set(before.gains) == set(before.rivals) == set(before.elsewhere) == set(before.best.effects)
+    # What it gains beside the other is told of the one that is there.
+    assert before.gains["sensor_bandwidth"] > next(
+        step.gain for step in before.rivals["sensor_bandwidth"] if step.effect == "imu_delay"
+    )
+
+
 def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_much(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -99,7 +99,7 @@ def searched(
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
     nominal = _refitted(drive, rows, tolerance, each)
-    best, rivals, gains = nominal, {}, dict[str, float]()
+    best, rivals, gains = nominal, dict[str, tuple[Step, ...]](), dict[str, float]()
     elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
     refused, waits, known = set[str](), frozenset[str](), None
     for _ in range(_MOST_STEPS):
@@ -120,6 +120,10 @@ def searched(
         )
         tried, waits = all_tried(trial, starts, waits, enough, each)
         shaped = _nameless(trial, tried, gains, each)
+        # What has no name may be what the wrong one of two that are alike has left.
+        if shaped is not None and (again := _chosen_again(trial, nominal, rivals, gains, elsewhere, say, each)):
+            best = again
+            continue
         two = two_instead(trial, screening, tried, refused, shaped[-1], each) if shaped is not None else []
         if shaped is not None and not two:
             before, (drive, best, shape) = best, shaped
@@ -149,12 +153,7 @@ def searched(
         if (settled := grown.settled()) is not None:
             best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
             continue
-        rivals |= rivals_of(best, tried, rank_by(drive, best, tried))
-        elsewhere |= {
-            effect: {kind: gained(drive, best, tried[0].fit, kind=kind) for kind in rows.together}
-            for effect in tried[0].fit.effects[len(best.effects) :]
-        }
-        gains[tried[0].effect] = tried[0].gain
+        _write_down(drive, rows, best, tried, rivals, gains, elsewhere)
         best = grown.without_idle(gains)
         best, wrong = plausible(drive, rows, before, best, tolerance, each)
         # Of the same model two may drive each other out for ever.
@@ -162,6 +161,47 @@ def searched(
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
     return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, best.effects, each)
+
+
+def _write_down(
+    drive: Drive,
+    rows: Rows,
+    best: Fit,
+    tried: Sequence[Step],
+    rivals: dict[str, tuple[Step, ...]],
+    gains: dict[str, float],
+    elsewhere: dict[str, dict[str, float]],
+) -> None:
+    """Writes what the first of those that were tried gains, here and elsewhere, and what was held against it."""
+    first = tried[0]
+    rivals |= rivals_of(best, tried, rank_by(drive, best, tried))
+    elsewhere |= {
+        effect: {kind: gained(drive, best, first.fit, kind=kind) for kind in rows.together}
+        for effect in first.fit.effects[len(best.effects) :]
+    }
+    gains[first.effect] = first.gain
+
+
+def _chosen_again(
+    trial: Trial,
+    nominal: Fit,
+    rivals: dict[str, tuple[Step, ...]],
+    gains: dict[str, float],
+    elsewhere: dict[str, dict[str, float]],
+    say: Progress,
+    each: Each,
+) -> Fit | None:
+    """The model with others in the place of what came early, if any gains more; writes what these gain."""
+    so_far = Search(trial.drive, trial.rows, nominal, trial.best, rivals, gains, elsewhere)
+    again = _each_in_its_place(so_far, trial.tolerance, say, each)
+    if again.best is trial.best:
+        return None
+    for effect in set(so_far.best.effects) - set(again.best.effects):
+        del rivals[effect], gains[effect], elsewhere[effect]
+    rivals |= again.rivals
+    gains |= again.gains
+    elsewhere |= {effect: dict(gain) for effect, gain in again.elsewhere.items()}
+    return again.best
 
 
 def _without_its_twin(
