@@ -11,6 +11,7 @@ from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.selection import trials
 from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
@@ -139,6 +140,11 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     trial = trials.Trial(one, rows, nominal, TOLERANCE, screening.known)
     tried = trials.two_at_once(trial, screening, [], set(), map)
     assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once
+    # A shape of that gyro hides both, too; one of another has nothing to do with them.
+    for channel, there in (("gyro_x", at_once), ("gyro_y", False)):
+        shape = Found(as_effect(channel, "ay*|ay|", CITY_STEER, "1", 1.0), channel, "k*ay*|ay|", 1.0, 50.0, 1.0, 0.1)
+        instead = trials.two_instead(trial, screening, [], set(), shape, map)
+        assert (("gyro_cross_axis", "road_bank") in [step.fit.effects for step in instead]) is there
 
 
 @pytest.mark.parametrize(("road", "turns"), [("road_grade", True), ("road_grade", False), ("road_bank", True)])

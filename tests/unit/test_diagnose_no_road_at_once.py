@@ -16,7 +16,7 @@ from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.selection import plausible
 from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_implausible
-from dsz_daemon.diagnose.selection.tilts import follows_the_drive, tips_at_once
+from dsz_daemon.diagnose.selection.tilts import follows_the_drive, tips_at_once, tips_standing
 from dsz_daemon.diagnose.shapes import unlisted
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
@@ -96,7 +96,28 @@ def test_a_grade_that_bends_tell_is_a_body_that_axles_lift(grade_rad: np.ndarray
     assert follows_the_drive(one, over(grade_rad, "road_grade"), "road_grade") is follows
 
 
-@pytest.mark.parametrize("rule", ["tips_at_once", "follows_the_drive"])
+STANDS = np.where((T > 20.0) & (T < 30.0), 0.0, CITY_V)
+
+
+@pytest.mark.parametrize("road", sorted(AHEAD))
+@pytest.mark.parametrize(
+    ("tilt_rad", "rocks"),
+    [
+        (0.02 * np.sin(8.0 * T) * (STANDS == 0.0), True),
+        # As much again on the way, less than half of all then; on a road; at rest.
+        (0.02 * np.sin(8.0 * T) * (STANDS == 0.0) + 0.02 * np.sin(1.0 * T) * (STANDS > 0.0), True),
+        (0.02 * np.sin(2.0 * T), False),
+        (0.02 * np.sin(2.0 * T) * (STANDS > 0.0), False),
+        (np.zeros(N), False),
+    ],
+)
+def test_what_tips_while_a_car_stands_is_a_body_that_rocks(tilt_rad: np.ndarray, rocks: bool, road: str) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    one = one._replace(wheels=np.repeat(STANDS[:, np.newaxis], 4, axis=1))
+    assert tips_standing(one, over(tilt_rad, road), road) is rocks
+
+
+@pytest.mark.parametrize("rule", ["tips_at_once", "follows_the_drive", "tips_standing"])
 def test_such_a_tilt_is_implausible(monkeypatch: pytest.MonkeyPatch, rule: str) -> None:
     one = drive({}, CITY_V, CITY_STEER)
     for name in ("_is_denied_by_its_gyro", "_bounces", "pulls_nothing", "tips_only_what_stands_on_it"):

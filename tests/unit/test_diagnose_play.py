@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive, found
+from test_diagnose_choices import T as T_ALL
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
@@ -49,6 +50,28 @@ def test_wheels_that_pull_themselves_straight_stand_nearer_to_the_middle_on_eith
     half = lost_in_play(there_and_back, 0.01, None, 0.5)
     np.testing.assert_allclose(half, np.mean(both, axis=0), atol=1e-12)
     assert np.abs(both[0] - both[1]).max() > 0.005
+
+
+def test_play_may_begin_anywhere_within_it() -> None:
+    """Until the hand has gone all of its width wheels stand where they stood; after that it is forgotten."""
+    there_and_back = np.concatenate([np.linspace(0.0, 0.02, 100), np.linspace(0.02, -0.02, 200)])
+    for begins in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        at = there_and_back - lost_in_play(there_and_back, 0.01, None, 0.0, begins)
+        assert at[0] == pytest.approx(0.005 * begins)
+        assert at[20] == pytest.approx(max(0.005 * begins, there_and_back[20] - 0.005))
+        np.testing.assert_allclose(at[60:], played(there_and_back, 0.01)[60:], atol=1e-12)
+
+
+@pytest.mark.parametrize("begins", [-1.0, 1.0])
+def test_play_is_found_wherever_a_drive_begins_in_it(begins: float) -> None:
+    """On a motorway, from a hand that has stood for seconds: without that it would be no play, for two channels."""
+    left_out = {"steering_backlash.width_rad": 0.012, "steering_backlash.begins": begins}
+    v_mps, hand = np.full(len(CITY_V), 25.0), 0.3 * CITY_STEER
+    hand = np.where(T_ALL < 8.0, hand[np.searchsorted(T_ALL, 8.0)], hand)
+    best = found(drive(left_out, v_mps, hand)).best
+    assert best.effects == ("steering_backlash",)
+    assert best.x[INDEX["steering_backlash.width_rad"]] == pytest.approx(0.012, rel=0.1)
+    assert best.x[INDEX["steering_backlash.begins"]] == pytest.approx(begins, abs=0.15)
 
 
 @pytest.mark.parametrize(("width_rad", "centred"), [(0.012, 1.0), (0.004, 1.0), (0.012, 0.0)])

@@ -276,6 +276,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "turns",
                 "sharpness",
                 "centred",
+                "begins",
                 "ellipse",
                 "leans",
             }

@@ -6,6 +6,7 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
@@ -59,6 +60,25 @@ def test_what_form_does_to_a_number_is_told_by_where_it_acts(
     assert judged == pytest.approx((0.02 * value) ** 2 + (0.25 * least) ** 2, rel=0.01, abs=1e-3 * own)
     assert told == pytest.approx((of_itself * value) ** 2 + (of_the_least * least) ** 2, rel=0.01, abs=1e-3 * own)
     assert abs(value - true) < 1.96 * math.sqrt(own + told)
+
+
+@pytest.mark.parametrize(
+    ("key", "true", "least"),
+    [
+        # A millisecond, and what a car goes in one.
+        ("sensor_bandwidth.time_constant_s", 0.08, 0.001),
+        ("steering_delay.delay_s", 0.05, 0.001),
+        ("tyre_relaxation.relaxation_length_m", 0.6, 0.001 * math.sqrt(float(np.mean(CITY_V**2)))),
+    ],
+)
+def test_no_time_is_surer_than_a_step_of_a_simulation(key: str, true: float, least: float) -> None:
+    one = drive({key: true}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (key.partition(".")[0],), TOLERANCE)
+    at = fit.columns.index(INDEX[key])
+    own = math.sqrt(float(fit.covariance[at, at]))
+    for std in (float(fit.std[at]), float(fit.told[1][at])):
+        assert std > math.hypot(own, least)
+        assert std < 3.0 * math.hypot(own, least, 0.02 * true, 0.25 * BUILT_IN.columns[INDEX[key]][1].least)
 
 
 def test_beside_a_limit_of_grip_a_cars_number_is_told_no_surer_than_it_is_judged() -> None:

@@ -12,7 +12,12 @@ from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.level import curve_of_an_axle, level_of, turned_by_another
+from dsz_daemon.diagnose.verdict.level import (
+    curve_of_an_axle,
+    driven_by_other_wheels,
+    level_of,
+    turned_by_another,
+)
 from dsz_daemon.runs.diagnose import words
 
 GYRO_Z, ACCEL_Y = 2, 4
@@ -25,6 +30,14 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("steering_backlash",), {"gyro_z": 17.0, "accel_y": 15.0}, {"steering_backlash"}, ["gyro_z", "accel_y"]),
         (("imu_delay", "mass_loading"), {"gyro_z": 9.0, "accel_y": 9.0}, {"mass_loading"}, ["gyro_z", "accel_y"]),
         (("steering_delay", "steering_ratio"), {"gyro_z": 2.0}, {"steering_delay", "steering_ratio"}, ["gyro_z"]),
+        # A wind makes the accelerometer right, whatever is wrong; it is none then.
+        (
+            ("cornering_stiffness", "side_wind"),
+            {"gyro_z": 1.6, "accel_y": 0.9},
+            {"cornering_stiffness", "side_wind"},
+            ["gyro_z", "accel_y"],
+        ),
+        (("cornering_stiffness", "side_wind"), {"gyro_z": 1.4, "accel_y": 3.0}, set(), []),
         # One channel that is right is enough: the other's instrument may be what is wrong.
         (("steering_ratio",), {"gyro_z": 0.9, "accel_y": 60.0}, set(), []),
         (("steering_ratio",), {"gyro_z": 60.0, "accel_y": 1.4}, set(), []),
@@ -93,6 +106,32 @@ def test_what_gains_little_beside_wheels_that_turn_alike_is_how_they_scrub(
 ) -> None:
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=tuple(gains)), gains=gains)
     assert curve_of_an_axle(search) == names
+
+
+@pytest.mark.parametrize(
+    ("level", "is_far"),
+    [
+        ({"wheel_speed_rl": 8.9, "wheel_speed_rr": 27.0, "wheel_speed_fr": 0.9}, True),
+        ({"wheel_speed_fl": 8.1, "wheel_speed_fr": 8.1}, True),
+        # One wheel may be wrong by itself, and what is not a wheel says nothing of them.
+        ({"wheel_speed_fl": 7.9, "wheel_speed_fr": 90.0, "accel_x": 90.0, "gyro_z": 90.0}, False),
+        ({}, False),
+    ],
+)
+def test_what_other_wheels_drive_is_given_no_name_but_a_roads(level: dict[str, float], is_far: bool) -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=("imu_lever_arm", "road_grade", "wheel_speed_delay")))
+    assert driven_by_other_wheels(search, level) == ({"imu_lever_arm", "wheel_speed_delay"} if is_far else set())
+
+
+def test_an_arm_beside_wheels_that_are_exchanged_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = drive({"imu_lever_arm.x_m": 0.6}, CITY_V, CITY_STEER)
+    search = found(one)
+    assert [cause.effect for cause in answered(search).causes] == ["imu_lever_arm"]
+    exchanged = level_of(search) | {"wheel_speed_fl": 9.0, "wheel_speed_fr": 9.0}
+    monkeypatch.setattr(answer, "level_of", lambda _: exchanged)
+    told = answered(search)
+    assert told.causes == []
+    assert told.verdict == "unexplained"
 
 
 def _swinging(share: float, at_m: float, hz: float) -> Drive:

@@ -52,8 +52,12 @@ STEERING_BACKLASH = Effect(
     "The steering has {width_rad:.4f} rad of play at the road wheels",
     "delta follows within +- width/2",
     CAR,
-    # How much of it wheels that want to go straight ahead take up: never told.
-    (Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4), Parameter("centred", "1", 0.5, 0.0, 1.0, math.inf)),
+    # How much of it wheels that want to go straight ahead take up, and where in it a drive begins: never told.
+    (
+        Parameter("width_rad", "rad", 0.005, 0.0, 0.05, 6e-4),
+        Parameter("centred", "1", 0.5, 0.0, 1.0, math.inf),
+        Parameter("begins", "1", 0.5, -1.0, 1.0, math.inf),
+    ),
     source="dry play: what drags stands while what it drags may move",
     needs=(STEERING_RATE,),
 )

@@ -23,6 +23,7 @@ from dsz_daemon.diagnose.selection.tilts import (
     pulls_nothing,
     tips_at_once,
     tips_only_what_stands_on_it,
+    tips_standing,
 )
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
@@ -101,7 +102,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
         if is_no_road or pulls_nothing(drive, rows, fit, effect) or tips_at_once(drive, fit, effect):
             return True
-        if follows_the_drive(drive, fit, effect):
+        if follows_the_drive(drive, fit, effect) or tips_standing(drive, fit, effect):
             return True
         may_lift_nothing = effect == "road_grade" and goes_to_and_fro(drive, fit)
         if not may_lift_nothing and tips_only_what_stands_on_it(drive, rows, fit, effect):

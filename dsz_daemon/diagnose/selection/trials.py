@@ -17,7 +17,7 @@ from dsz_daemon.diagnose.fitting.fit import ONE_BY_ONE, exactly, fitted
 from dsz_daemon.diagnose.fitting.gains import far_off, gained, is_beyond_form, puts_right
 from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, SAME_TURN, TILTS, Fit, Slopes
 from dsz_daemon.diagnose.fitting.moments import moments_of, with_best_moments
-from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
+from dsz_daemon.diagnose.residuals.comparison import Bools, Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.guesses import as_everywhere
 from dsz_daemon.diagnose.selection.plausible import (
@@ -323,21 +323,22 @@ def two_at_once(
     off = far_off(trial.drive, trial.best)
     if not off.any():
         return []
-    roads = [
-        (other, road)
-        for road in sorted(TILTS - set(trial.best.effects))
-        if off[OWN_CHANNEL[road]] and feels(trial.drive, trial.rows, trial.best, road)
-        for other in [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
-    ]
     winds = [
         ((_BLOWN, other), x)
         for new, x in starts
         if new == (_BLOWN,)
         for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]
     ]
-    pairs = [(pair, trial.best.x) for pair in (*roads, *screening.pairs(off, each)[:_PAIRS])]
-    tried = tried_at_once(trial, (*winds, *pairs), refused, each)
+    pairs = (*_felt_by_more(trial, screening, off), *screening.pairs(off, each)[:_PAIRS])
+    tried = tried_at_once(trial, (*winds, *((pair, trial.best.x) for pair in pairs)), refused, each)
     return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
+
+
+def _felt_by_more(trial: Trial, screening: Screening, shown: Bools) -> list[tuple[str, str]]:
+    """Roads that a gyro of these channels (13,) feels, each with what makes it show more than its own rate."""
+    more = [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
+    roads = [road for road in sorted(TILTS - set(trial.best.effects)) if shown[OWN_CHANNEL[road]]]
+    return [(one, road) for road in roads if feels(trial.drive, trial.rows, trial.best, road) for one in more]
 
 
 def two_instead(
@@ -345,12 +346,12 @@ def two_instead(
 ) -> list[Step]:
     """Two effects in place of a shape, the most first, where they gain much more: a scale that a ratio hides bends.
 
-    Two fit more than one, and may be any of some hundred. What turns a car by its speed is the best that was `tried`,
-    and another of those that do: wheels that turn less the faster it goes are a ratio and a stiffness, too. One of
-    those that was not tried may be as good alone: what a screening expects of it is a step's.
+    Two fit more than one, and may be any of some hundred. A gyro that shows more than its own rate hides a road. What
+    turns a car by its speed is the best that was `tried`, and another of those that do: wheels that turn less the
+    faster it goes are a ratio and a stiffness, too. One that was not tried may be as good alone.
     """
     shown = np.array([channel == shape.channel for channel in CHANNELS])
-    instead: list[tuple[str, ...]] = [*screening.pairs(shown, each)[:_PAIRS]]
+    instead: list[tuple[str, ...]] = [*screening.pairs(shown, each)[:_PAIRS], *_felt_by_more(trial, screening, shown)]
     factor = _SO_MUCH_MORE
     if is_of_the_car(shape.effect.name):
         factor = _THAN_OF_A_CAR
@@ -363,8 +364,7 @@ def two_instead(
     already = len(trial.best.effects)
 
     def is_better(step: Step) -> bool:
-        new = step.fit.effects[already:]
-        if len(new) == 1:
+        if len(new := step.fit.effects[already:]) == 1:
             return step.gain > shape.gain / SURELY - _AS_GOOD
         return step.gain > factor * shape.gain and all(is_told(trial.drive, step.fit, effect) for effect in new)
 

@@ -113,8 +113,8 @@ def rolls_of(drive: Drive, x: Floats, road: Profiles) -> Rolling:
     if (width_rad := at("steering_friction.width_rad")) > 0.0:
         steer = steer - held_back(steer, width_rad, at("steering_friction.softness"))
     if (width_rad := at("steering_backlash.width_rad")) > 0.0:
-        told, centred = geared(drive.told_steer, *ratio), at("steering_backlash.centred")
-        steer = steer - lost_in_play(told, width_rad, drive.recording.told_kernel, centred)
+        told, taken_up = geared(drive.told_steer, *ratio), (at(f"steering_backlash.{n}") for n in ("centred", "begins"))
+        steer = steer - lost_in_play(told, width_rad, drive.recording.told_kernel, *taken_up)
     if at("steering_lag.time_constant_s") > 0.0:
         steer = followed(steer.reshape(-1, 1), at("steering_lag.time_constant_s"), DT_S)[:, 0]
     late_s = at("steering_delay.delay_s") + at("steering_skew_s")

@@ -20,10 +20,10 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @compiled
-def played(angle_rad: Floats, width_rad: float) -> Floats:
-    """Where what is dragged along with so much play stands (n,), in the middle of it at first."""
+def played(angle_rad: Floats, width_rad: float, begins: float = 0.0) -> Floats:
+    """Where what is dragged along with so much play stands (n,), at first by a share of half of it off its middle."""
     held, half = np.empty(len(angle_rad)), 0.5 * width_rad
-    at = angle_rad[0]
+    at = angle_rad[0] + begins * half
     for i in range(len(angle_rad)):
         at = min(max(at, angle_rad[i] - half), angle_rad[i] + half)
         held[i] = at
@@ -52,13 +52,16 @@ def held_back(angle_rad: Floats, width_rad: float, softness: float) -> Floats:
     return lost
 
 
-def lost_in_play(dragging_rad: Floats, width_rad: float, kernel: Floats | None, centred: float = 0.0) -> Floats:
+def lost_in_play(
+    dragging_rad: Floats, width_rad: float, kernel: Floats | None, centred: float = 0.0, begins: float = 0.0
+) -> Floats:
     """By how much the road wheels (n,) stand behind what drags them, behind its low-pass if it has one.
 
+    `begins`: where they stand in the play at first, -1 to 1, until the hand has gone all of its width.
     `centred`: of wheels that nothing pulls (0) the play is taken up as the hand turns round; wheels that pull
     themselves straight ahead as far as it lets them (1) stand nearer to the middle on either side, the sensor's zero.
     """
-    lost: Floats = dragging_rad - played(dragging_rad, width_rad)
+    lost: Floats = dragging_rad - played(dragging_rad, width_rad, begins)
     if centred != 0.0:
         lost = (1.0 - centred) * lost + centred * np.clip(dragging_rad, -0.5 * width_rad, 0.5 * width_rad)
     return lost if kernel is None else filtered(lost, kernel)

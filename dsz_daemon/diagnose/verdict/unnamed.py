@@ -8,7 +8,16 @@ from itertools import combinations
 import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS
-from dsz_daemon.diagnose.effects.shape_names import SHAPE, TYRES, is_of_the_car, is_shape, steers_by_speed
+from dsz_daemon.diagnose.effects.shape_names import (
+    MOMENT,
+    REAR,
+    SHAPE,
+    STEERING,
+    TYRES,
+    is_of_the_car,
+    is_shape,
+    steers_by_speed,
+)
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.model import GRIP, SAME_TURN, Fit
 from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
@@ -66,6 +75,9 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     names |= SAME_TURN if TYRES in of_car else set()
     if of_car and len(set(TURNS) & set(fit.effects) & set(sure) - names) > 1:
         names |= {*TURNS}
+    # Nor have those a stiffness whose forces are another yaw moment at another speed.
+    if any(one.startswith(f"{MOMENT}{SHAPE}") and "ay" in one for one in said):
+        names |= SAME_TURN
     # Without its gyro a lean and a scale are one: two that undo each other are none. Nor are they beside what the gyro
     # shows by itself, of which they are a part.
     for tilt, scale, gyro in _ONE_WITHOUT_A_GYRO:
@@ -89,6 +101,10 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # And where it still turns by its steering and its tyres as none of these has it, none of these it is.
     if any(part in course and "ax" not in course for course in yaws for part in _OF_A_TURN):
         names |= {*TURNS, *GRIP, "steering_backlash"}
+    # Nor is a zero told where what is steered is another angle than is read.
+    steered = yaws | {course for place, course in shapes if place in {STEERING, REAR}}
+    if any("delta" in course and "'" not in course for course in steered):
+        names |= {"steering_offset"}
     # A bank that no roll gyro feels is what these two show: it is none where either shows something else.
     if is_unfelt(drive) and (yaws or slides):
         names |= {"road_bank"}
