@@ -158,6 +158,32 @@ def test_a_wind_that_changes_once_is_none(monkeypatch: pytest.MonkeyPatch, side_
     assert not changes_once(one._replace(wheels=np.full((N, 4), 3.0)), road)
 
 
+BACK = np.where((T > 20.0) & (T < 40.0), 400.0, -900.0)
+
+
+@pytest.mark.parametrize(
+    ("side_n", "share_ahead", "is_none"),
+    [
+        (BACK, 0.35, True),
+        (BACK + 200.0 * np.sin(2.0 * T), 0.35, True),
+        # As a push of the air is: near the C.G.; or not in two steps.
+        (BACK, 0.25, False),
+        (BACK, -0.35, False),
+        (500.0 * np.sin(0.5 * T), 0.35, False),
+        (np.zeros(N), 0.35, False),
+    ],
+)
+def test_a_push_far_ahead_that_changes_twice_is_a_sensor_that_slips_back(
+    side_n: np.ndarray, share_ahead: float, is_none: bool
+) -> None:
+    one = drive({}, np.full(N, 15.0), CITY_STEER)
+    x = nothing()
+    x[INDEX["side_wind.ahead_m"]] = share_ahead * one.car.cg_to_front_axle_m
+    fit: Any = SimpleNamespace(x=x, columns=(), effects=("side_wind",), road=flat(N)._replace(side_n=side_n))
+    assert plausible._pushes_an_axle(one, fit) is is_none
+    assert not plausible._pushes_an_axle(one._replace(wheels=np.full((N, 4), 3.0)), fit)
+
+
 def slipped(jump_rad: float, at_s: float) -> Drive:
     """A drive whose steering sensor tells less, from a moment on, than the front wheels turn."""
     one = drive({}, CITY_V, CITY_STEER + jump_rad * (at_s < T))

@@ -34,7 +34,7 @@ from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.wheel_readings import locks_in_front
 from dsz_daemon.diagnose.surroundings.unfelt_banks import YAW_GYRO, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import climbs_unfelt, goes_by_the_speed, rises_and_falls, way_of
-from dsz_daemon.diagnose.surroundings.winds import changes_once, follows_the_car
+from dsz_daemon.diagnose.surroundings.winds import changes_once, changes_twice, follows_the_car
 from dsz_daemon.signals import IMU_CHANNELS
 
 # So far may the furthest readings, but for some, stand beyond a limit that they clip at.
@@ -72,7 +72,7 @@ _OF_WHEELS = ("wheel_radius", "wheel_square")
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
-_TO_AN_AXLE = 0.6
+_TO_AN_AXLE, _HALF_AS_FAR = 0.6, 0.5
 # What is slippery for more of the way is so all the way.
 _FOR_A_WHILE = 0.6
 # Bodies go up and down on their springs by 1 to 2 Hz, and roads, as they are driven on, much more slowly.
@@ -255,9 +255,15 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
 
 
 def _pushes_an_axle(drive: Drive, fit: Fit) -> bool:
-    """Whether a wind pushes at an axle or beyond: its wheels are steered otherwise than it is told."""
+    """Whether a wind pushes at an axle or beyond: its wheels are steered otherwise than it is told.
+
+    Or half as far ahead, where it changes twice: a steering sensor that slips on its shaft, and slips back.
+    """
     ahead_m, car = float(fit.x[_AHEAD]), drive.car
-    return not -_TO_AN_AXLE * car.cg_to_rear_axle_m < ahead_m < _TO_AN_AXLE * car.cg_to_front_axle_m
+    nearest_m = _TO_AN_AXLE * car.cg_to_front_axle_m
+    if ahead_m > _HALF_AS_FAR * nearest_m and changes_twice(drive, fit.road):
+        return True
+    return not -_TO_AN_AXLE * car.cg_to_rear_axle_m < ahead_m < nearest_m
 
 
 def _wanders(drive: Drive, rows: Rows, fit: Fit) -> bool:

@@ -41,8 +41,9 @@ _ON_THE_BODY = 0.5
 _FOLLOWS, _LATER_S, _SOON_S, _EVERY_ROWS, _RIDGE = 0.42, (0.0, 0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 1.0), 20, 1e-3
 _ENOUGH, _FROM = 200, (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
 # And what changes once, from one push to another, at this speed or more: winds that there were had up to 0.40 of their
-# power in it on the whole way, a steering sensor that slips on its shaft 0.996.
-_ONCE, _FAST_MPS = 0.8, 8.0
+# power in it on the whole way, a steering sensor that slips on its shaft 0.996; in two changes winds had up to 0.52, a
+# sensor that slips and slips back 0.82.
+_ONCE, _TWICE, _FAST_MPS = 0.8, 0.7, 8.0
 # So soft a body shows a wind by its lean first: g times it is more than what its tyres leave of the push.
 _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_kernel(1.5)
 
@@ -139,14 +140,28 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
 
 def changes_once(drive: Drive, road: Profiles) -> bool:
     """Whether a wind is one push up to some time, and another from then on."""
+    return _in_steps(drive, road)[0] > _ONCE
+
+
+def changes_twice(drive: Drive, road: Profiles) -> bool:
+    """Whether a wind is one push between two moments, and others before and after."""
+    return _in_steps(drive, road)[1] > _TWICE
+
+
+def _in_steps(drive: Drive, road: Profiles) -> tuple[float, float]:
+    """The share of a wind's power that is in one change of it, and in two."""
     side_n = road.side_n[np.mean(drive.wheels, axis=1) > _FAST_MPS][::_EVERY_ROWS]
     if len(side_n) < _ENOUGH:
-        return False
+        return 0.0, 0.0
     side_n = side_n - np.mean(side_n)
-    before = np.arange(1, len(side_n))
-    # Of two means against one.
-    power = np.cumsum(side_n)[:-1] ** 2 * (1.0 / before + 1.0 / before[::-1])
-    return bool(np.max(power) > _ONCE * float(side_n @ side_n))
+    n, power = len(side_n), max(float(side_n @ side_n), 1e-30)
+    sums = np.concatenate([[0.0], np.cumsum(side_n)])
+    first, second = np.arange(1, n - 1)[:, np.newaxis], np.arange(2, n)
+    # Of two means, and of three, against one.
+    once = sums[1:n] ** 2 * (1.0 / np.arange(1, n) + 1.0 / np.arange(n - 1, 0, -1))
+    twice = sums[first] ** 2 / first + sums[second] ** 2 / (n - second)
+    twice += (sums[second] - sums[first]) ** 2 / np.maximum(second - first, 1)
+    return float(np.max(once)) / power, float(np.max(np.where(second > first, twice, 0.0))) / power
 
 
 def folds_of(rows: Ints) -> Ints:
