@@ -16,6 +16,7 @@ from dsz_daemon.diagnose.fitting.gains import gained
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import inverse
 from dsz_daemon.diagnose.residuals.own_noise import is_its_own
+from dsz_daemon.diagnose.selection import plausible
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.screening import feels, screened
 from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
@@ -48,6 +49,29 @@ def test_wind_blows_all_the_way() -> None:
     stops = drive({}, np.where((T % 5.0) < 3.0, CITY_V, 0.0), CITY_STEER)
     lulls = np.where(T < 40.0, np.where((T % 5.0) < 3.0, 10.0, 1000.0), np.where((T % 5.0) < 3.0, 300.0, 0.0))
     assert is_implausible(stops, rows_of(stops), wind(stops, lulls), "side_wind")
+
+
+@pytest.mark.parametrize(
+    ("ahead_share", "comes", "is_none"),
+    [
+        (0.2, "alone", False),
+        (0.39, "alone", False),
+        (0.41, "alone", True),
+        (-0.2, "alone", True),
+        (0.0, "alone", True),
+        (0.2, "turning", True),
+        (0.2, "braking", True),
+    ],
+)
+def test_gusts_that_come_one_by_one_are_wind_ahead_of_the_cg(ahead_share: float, comes: str, is_none: bool) -> None:
+    """Not those that come as the car turns or slows down: that is what the car does."""
+    turns, slows = ((np.sin(0.9 * T + at) > 0.8) & (T > 20.0) for at in (0.0, 2.0))
+    hand, v_mps = np.where(turns, 0.03 * np.sin(4.0 * T), 0.0), np.where(slows, 14.0 + np.sin(3.0 * T), 14.0)
+    one = drive({}, v_mps, hand)
+    when = {"alone": (T > 4.0) & (T < 9.0), "turning": turns, "braking": slows}[comes]
+    fit = wind(one, 600.0 * when * np.sin(2.0 * np.pi * T / 3.1))
+    fit.x[INDEX["side_wind.ahead_m"]] = ahead_share * TUCSON.cg_to_front_axle_m
+    assert plausible._lulls(one, fit) is is_none
 
 
 @pytest.mark.parametrize("leans", [0.0, 0.4, 1.0])
