@@ -61,14 +61,17 @@ def test_wind_blows_all_the_way() -> None:
         (0.0, "alone", True),
         (0.2, "turning", True),
         (0.2, "braking", True),
+        (0.2, "fast", True),
+        (0.2, "slow", True),
     ],
 )
 def test_gusts_that_come_one_by_one_are_wind_ahead_of_the_cg(ahead_share: float, comes: str, is_none: bool) -> None:
-    """Not those that come as the car turns or slows down: that is what the car does."""
+    """Not those that come as the car turns, slows down, or goes faster or slower: that is what the car does."""
     turns, slows = ((np.sin(0.9 * T + at) > 0.8) & (T > 20.0) for at in (0.0, 2.0))
     hand, v_mps = np.where(turns, 0.03 * np.sin(4.0 * T), 0.0), np.where(slows, 14.0 + np.sin(3.0 * T), 14.0)
+    v_mps = v_mps + (6.0 if comes == "fast" else -6.0 if comes == "slow" else 0.0) * (T > 40.0)
     one = drive({}, v_mps, hand)
-    when = {"alone": (T > 4.0) & (T < 9.0), "turning": turns, "braking": slows}[comes]
+    when = {"alone": (T % 27.0 > 4.0) & (T % 27.0 < 9.0), "turning": turns, "braking": slows}.get(comes, T > 40.0)
     fit = wind(one, 600.0 * when * np.sin(2.0 * np.pi * T / 3.1))
     fit.x[INDEX["side_wind.ahead_m"]] = ahead_share * TUCSON.cg_to_front_axle_m
     assert plausible._lulls(one, fit) is is_none

@@ -71,8 +71,8 @@ _OF_WHEELS = ("wheel_radius", "wheel_square")
 # Wind blows all the way: of a fifth of it no less than so much of its rms; of blocks enough to tell.
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # But for gusts that come one by one, by so much of the way from the C.G. to the front axle ahead of it: three of two
-# simulators pushed 0.24 to 0.35 m ahead, and their blocks' rms went with the car's turns and pulls by 0.25 at most; of
-# three pushes that were none two came from behind it, the third went with turns by 0.53.
+# simulators pushed 0.24 to 0.35 m ahead, and their blocks' rms went with the car's turns, pulls and speed by 0.3 at
+# most; of seven pushes that were none five came from elsewhere, one went with turns by 0.53, one with speed by -0.84.
 _OF_A_GUST, _WITH_THE_CAR = 0.4, 0.5
 # Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
@@ -248,7 +248,8 @@ def _is_no_wind(drive: Drive, fit: Fit) -> bool:
 def _lulls(drive: Drive, fit: Fit) -> bool:
     """Whether there is hardly any wind for much of the way: then it is what a car does there that pushes.
 
-    Unless that comes as a gust does: not far ahead of the C.G., and no more where the car turns, drives or brakes.
+    Unless that comes as a gust does: not far ahead of the C.G., and neither with what the car turns, drives or brakes,
+    nor with its speed.
     """
     size = round(BLOCK_S / DT_S)
     count = len(drive.steer) // size
@@ -268,8 +269,10 @@ def _lulls(drive: Drive, fit: Fit) -> bool:
     if not 0.0 < float(fit.x[_AHEAD]) < _OF_A_GUST * drive.car.cg_to_front_axle_m:
         return True
     yaws_radps = np.nan_to_num(drive.measured[:, YAW_GYRO])
-    does = (yaws_radps * v_mps, np.gradient(v_mps, DT_S))
-    return max(float(np.corrcoef(blocks, rms(one))[0, 1]) for one in does) > _WITH_THE_CAR
+    does = (yaws_radps * v_mps, np.gradient(v_mps, DT_S), v_mps)
+    with np.errstate(invalid="ignore"):
+        alike = np.abs(np.nan_to_num(np.corrcoef([blocks, *map(rms, does)])[0, 1:]))
+    return bool(np.max(alike) > _WITH_THE_CAR)
 
 
 def _pushes_an_axle(drive: Drive, fit: Fit) -> bool:
