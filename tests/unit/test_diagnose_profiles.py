@@ -67,11 +67,14 @@ def test_wind_blows_all_the_way() -> None:
 )
 def test_gusts_that_come_one_by_one_are_wind_ahead_of_the_cg(ahead_share: float, comes: str, is_none: bool) -> None:
     """Not those that come as the car turns, slows down, or goes faster or slower: that is what the car does."""
-    turns, slows = ((np.sin(0.9 * T + at) > 0.8) & (T > 20.0) for at in (0.0, 2.0))
-    hand, v_mps = np.where(turns, 0.03 * np.sin(4.0 * T), 0.0), np.where(slows, 14.0 + np.sin(3.0 * T), 14.0)
-    v_mps = v_mps + (6.0 if comes == "fast" else -6.0 if comes == "slow" else 0.0) * (T > 40.0)
-    one = drive({}, v_mps, hand)
-    when = {"alone": (T % 27.0 > 4.0) & (T % 27.0 < 9.0), "turning": turns, "braking": slows}.get(comes, T > 40.0)
+    # Blocks of 5 s: pushed in three of them, or where the car does one thing, of which the other two know nothing.
+    pushed = np.isin(T // 5.0, [1, 4, 7])
+    turns, slows, late = np.isin(T // 5.0, [2, 5, 10]), np.isin(T // 5.0, [3, 6, 9]), np.isin(T // 5.0, [8, 11])
+    v_mps = 14.0 + 1.5 * slows * np.sin(3.0 * T) + np.sin(2.0 * np.pi * T / 60.0)
+    for at_s in (42.5, 57.5):
+        v_mps = v_mps + {"fast": 4.0, "slow": -4.0}.get(comes, 0.0) * np.exp(-(((T - at_s) / 3.0) ** 2))
+    one = drive({}, v_mps, np.where(turns, 0.03 * np.sin(4.0 * T), 0.0))
+    when = {"alone": pushed, "turning": turns, "braking": slows}.get(comes, late)
     fit = wind(one, 600.0 * when * np.sin(2.0 * np.pi * T / 3.1))
     fit.x[INDEX["side_wind.ahead_m"]] = ahead_share * TUCSON.cg_to_front_axle_m
     assert plausible._lulls(one, fit) is is_none
