@@ -56,7 +56,6 @@ _FRONT_STIFFNESS, _OF_A_TOLERANCE = "front_cornering_stiffness_n_per_rad", 0.5
 _COMPLIANCE = INDEX["steering_compliance.rad_per_n"]
 # What simulations hold their inputs for, or their tyres and low-passes: no delay or time constant is surer than that.
 _A_STEP_S = 0.001
-_TIMED = {"steering_delay", "sensor_bandwidth"}
 _TIMES = [INDEX["steering_delay.delay_s"], INDEX["sensor_bandwidth.time_constant_s"]]
 # What has no name was not planted often enough to know; and what a mount's turns are also depends on their order.
 _TOLD_AS_JUDGED = frozenset({MOUNT, *(effect.name for effect in NAMELESS)})
@@ -120,7 +119,7 @@ def _by_what_is_beside(drive: Drive, rows: Rows, model: Slopes, left: tuple[Floa
     adds(_ARM_UP, bool(TILTS & effects) * _ABOVE_THE_WAY_M, ("suspension_roll" in effects) * IN_A_BODY_M)
     for i, more in as_drawn_rad(x).items() if MOUNT in effects else ():
         adds(i, more)
-    for i in _TIMES if effects & _TIMED else ():
+    for i in _TIMES:
         adds(i, _A_STEP_S)
     if "tyre_relaxation" in effects:
         v_mps = np.mean(drive.wheels, axis=1)

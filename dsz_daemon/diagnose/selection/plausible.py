@@ -72,7 +72,7 @@ _OF_WHEELS = ("wheel_radius", "wheel_square")
 _MUCH, _HARDLY, _LEAST_BLOCKS = 0.2, 0.3, 8
 # But for gusts that come one by one, by so much of the way from the C.G. to the front axle ahead of it: three of two
 # simulators pushed 0.24 to 0.35 m ahead, and their blocks' rms went with the car's turns, pulls and speed by 0.3 at
-# most; of seven pushes that were none five came from elsewhere, one went with turns by 0.53, one with speed by -0.84.
+# most; of eight pushes that were none six came from elsewhere, one went with turns by 0.53, one with speed by -0.84.
 _OF_A_GUST, _WITH_THE_CAR = 0.4, 0.5
 # Nor does it push close to an axle, by the share of how far that is: the centre of pressure of cars is some tenths of a
 # metre ahead of the C.G., and what pushes an axle is what that axle's wheels are steered by.
