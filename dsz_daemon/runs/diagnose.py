@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +20,7 @@ from dsz_daemon.errors import InputError, MachineError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
 from dsz_daemon.report.diagnosis_words import end_of, is_spin, spins_of
+from dsz_daemon.runs.hands import Hands
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
 from dsz_daemon.runs.states_file import check_overlap, read_states
@@ -65,7 +65,7 @@ def diagnose(
     last_s = max(int(signal.t_ns[-1]) for signal in signals.values()) * 1e-9
     reference, simulation = (_states(path, first_s, last_s) for path in beside)
     vehicle = setup.settings.vehicle
-    with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
+    with Hands(_SIDE_BY_SIDE) as hands:
         said, found = diagnosed(
             signals,
             vehicle.car(),
@@ -74,7 +74,7 @@ def diagnose(
             reference=reference,
             simulation=simulation,
             say=say,
-            each=pool.map,
+            each=hands.map,
         )
     result: dict[str, Any] = plain(said)
     result |= {"versions": versions(), "settings": setup.settings.used()}

@@ -28,8 +28,14 @@ class FeltWith:
     def __call__(self, x: Floats) -> Profiles:
         return flat(N)._replace(**{self._profile: self._size * (1.0 + 10.0 * x[I]) * COURSE})
 
+    def and_shown(self, x: Floats) -> tuple[Profiles, Floats | None]:
+        return self(x), None
+
     def changes_with(self, effect: str) -> bool:
         return effect == "accel_scale"
+
+    def changes_with_offset(self, column: int) -> bool:
+        return False
 
 
 @pytest.mark.parametrize(

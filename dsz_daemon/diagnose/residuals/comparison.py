@@ -21,7 +21,7 @@ from dsz_daemon.signals import IMU_CHANNELS, STANDARD_GRAVITY_MPS2
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
-# `map`, or one that works side by side.
+# `map`, or one that works side by side; where that has `nests`, it may be asked inside its own works, too.
 Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 One = TypeVar("One")
 Done = TypeVar("Done")
@@ -56,20 +56,24 @@ _IMU = len(IMU_CHANNELS)
 
 
 def all_hands(task: Callable[[One, Each], Done], works: Sequence[One], each: Each) -> list[Done]:
-    """Each work's task, side by side; one that is alone works side by side inside."""
+    """Each work's task, side by side; inside, too, where one is alone or that may be: an executor waits for itself."""
     if len(works) == 1:
         return [task(works[0], each)]
-    return list(each(lambda one: task(one, map), works))
+    inside = each if getattr(getattr(each, "__self__", None), "nests", False) else map
+    return list(each(lambda one: task(one, inside), works))
 
 
 class Feels(Protocol):
     """What is felt of road and air, for given parameters."""
 
-    def __call__(self, x: Floats) -> Profiles:
-        """The profiles for these parameters."""
+    def and_shown(self, x: Floats) -> tuple[Profiles, Floats | None]:
+        """The profiles for these parameters, and what is predicted there (n, 13), if that is known."""
 
     def changes_with(self, effect: str) -> bool:
         """Whether another parameter of this effect makes another road of the same readings."""
+
+    def changes_with_offset(self, column: int) -> bool:
+        """Whether another constant offset of a sensor does."""
 
 
 class Rows(NamedTuple):
@@ -275,7 +279,7 @@ def sensitivities(
     def take(at: int) -> None:
         i = columns[at]
         # A wind that is felt anew is another one for an offset, too.
-        if i < len(OFFSETS) and not (felt is not None and felt.changes_with("")):
+        if i < len(OFFSETS) and not (felt is not None and felt.changes_with_offset(i)):
             found[at, :, i] = rows.used[:, i]
             return
         effect, parameter = drive.vocabulary.columns[i]
@@ -287,9 +291,10 @@ def sensitivities(
         moved[i] += step
         stays = not rolls & {effect, parameter.name}
         if felt is not None and felt.changes_with(effect):
-            other = felt(moved)
+            other, known_there = felt.and_shown(moved)
             stays &= np.array_equal(other.grade_rad, road.grade_rad) and np.array_equal(other.grip, road.grip)
-            there = predicted(drive, moved, other, moving.rolling if stays else None)
+            rolling = moving.rolling if stays else None
+            there = predicted(drive, moved, other, rolling) if known_there is None else known_there
         elif i in SHOWN or touches.get(effect, CAR) == SENSORS:
             there = shown(drive, moved, moving)
         else:

@@ -113,7 +113,7 @@ class Trial:
             # Where a stretch begins is a valley with many bends: a step of a gradient gets stuck in the first.
             for _ in range(_MOST_MOVES):
                 moved = with_best_moments(self.drive, self.rows, fit)
-                before, fit = fit, self._fitted(moved, effects)
+                before, fit = fit, self._fitted(moved, effects, each)
                 stays = all(abs(fit.x[i] - before.x[i]) < _SETTLED_S for i in moments_of(self.drive))
                 if stays or gained(self.drive, before, fit) < _MOVES_ON:
                     break
@@ -122,12 +122,12 @@ class Trial:
             alone = fit.x.copy()
             alone[list(self.drive.vocabulary.columns_of(effect))] = 0.0
             alone[[INDEX[f"{effect}.{wheel}"] for wheel in wheels]] = [value for value, _ in wheels.values()]
-            fit = self._fitted(alone, effects)
+            fit = self._fitted(alone, effects, each)
         if any(does_nothing(self.drive, fit, one) or is_implausible(self.drive, self.rows, fit, one) for one in new):
             return Step(effect, -math.inf, fit)
         if effect in GUESSED:
             # What has no slope at 0 began with those of a guess.
-            fit = exactly(self.drive, self.rows, fit, self.tolerance)
+            fit = exactly(self.drive, self.rows, fit, self.tolerance, each)
         return Step(effect, gained(self.drive, self.best, fit), fit)
 
     def _fitted(self, x: Floats, effects: tuple[str, ...], each: Each = map, behind: float = 0.0) -> Fit:
@@ -202,7 +202,7 @@ def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step
     """The starts' fits in their order; those that take long know what the others come to."""
     long = [i for i, start in enumerate(starts) if start[0][-1] in _LONG]
     others = [i for i in range(len(starts)) if i not in long]
-    fits = dict(zip(others, each(trial.fit, [starts[i] for i in others]), strict=True))
+    fits = dict(zip(others, all_hands(trial.fit, [starts[i] for i in others], each), strict=True))
     leader = max((step.gain for step in fits.values()), default=0.0)
     # Roads take longest.
     long.sort(key=lambda i: starts[i][0][-1] not in TILTS)

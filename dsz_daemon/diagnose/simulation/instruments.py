@@ -16,7 +16,7 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 G = STANDARD_GRAVITY_MPS2
 # A drift that fades by less than this share all the way is even.
 _EVEN = 1e-6
-_PIECE = 256
+_PIECE = 512
 
 
 @compiled
@@ -238,21 +238,29 @@ def rolled(
 def low_passed(values: Floats, kernel: Floats) -> Floats:
     """The values (n,) behind a low-pass that looks as far ahead as back (odd number of weights); level beyond the ends.
 
-    Piece by piece, so that what is added up stays at hand.
+    Piece by piece, so that what is added up stays at hand, and four weights at a time, so that it is fetched less.
     """
     n, reach = len(values), len(kernel) // 2
-    padded, found = np.empty(n + 2 * reach), np.zeros(n)
+    padded, found = np.empty(n + 2 * reach), np.empty(n)
     padded[:reach], padded[reach : n + reach], padded[n + reach :] = values[0], values, values[n - 1]
     for first in range(0, n, _PIECE):
-        after = min(first + _PIECE, n)
-        mine = found[first:after]
-        for j in range(reach):
+        count = min(_PIECE, n - first)
+        mine, middle = found[first : first + count], padded[first + reach :]
+        for i in range(count):
+            mine[i] = kernel[reach] * middle[i]
+        j = 0
+        while j + 4 <= reach:
+            before, behind = padded[first + j :], padded[first + 2 * reach - j - 3 :]
+            a, b, c, d = kernel[j], kernel[j + 1], kernel[j + 2], kernel[j + 3]
+            for i in range(count):
+                outer = a * (before[i] + behind[i + 3]) + b * (before[i + 1] + behind[i + 2])
+                mine[i] += outer + c * (before[i + 2] + behind[i + 1]) + d * (before[i + 3] + behind[i])
+            j += 4
+        while j < reach:
             before, behind = padded[first + j :], padded[first + 2 * reach - j :]
-            for i in range(after - first):
+            for i in range(count):
                 mine[i] += kernel[j] * (before[i] + behind[i])
-        middle = padded[first + reach :]
-        for i in range(after - first):
-            mine[i] += kernel[reach] * middle[i]
+            j += 1
     return found
 
 

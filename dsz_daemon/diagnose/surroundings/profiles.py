@@ -13,10 +13,11 @@ from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.effects.nuisances import OFFSETS
 from dsz_daemon.diagnose.effects.surroundings import KNOTS
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.recordings.recording import DT_S, filtered, sharp_kernel
+from dsz_daemon.diagnose.recordings.recording import DT_S, sharp_kernel
 from dsz_daemon.diagnose.residuals.comparison import FORM, Each, Rows, floors
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive
+from dsz_daemon.diagnose.simulation.instruments import low_passed
 from dsz_daemon.diagnose.simulation.moving import Moving, of_roll, rolls_of
 from dsz_daemon.diagnose.simulation.prediction import ALONG, forces_of, gyros_of, predicted
 from dsz_daemon.diagnose.simulation.road import Profiles, correction, flat
@@ -24,7 +25,14 @@ from dsz_daemon.diagnose.simulation.rolling import Rolling
 from dsz_daemon.diagnose.simulation.slow_sensors import in_time
 from dsz_daemon.diagnose.surroundings.unfelt_banks import bank_by_the_turn, is_unfelt
 from dsz_daemon.diagnose.surroundings.unfelt_grades import Climb, climbs_unfelt
-from dsz_daemon.diagnose.surroundings.winds import AGAIN, ROUNDS, by_the_lean, with_wind, with_wind_that_leans
+from dsz_daemon.diagnose.surroundings.winds import (
+    AGAIN,
+    ROUNDS,
+    by_the_lean,
+    wind_and_shown,
+    with_wind,
+    with_wind_that_leans,
+)
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -47,7 +55,8 @@ _DIVES = INDEX["suspension_pitch.pitch_gradient_rad_per_mps2"]
 _NO_FORCE, _SURELY_A_FORCE = 2.0, 3.0
 _MOST_MPS2 = 20.0
 _AHEAD_SCALE = INDEX["accel_scale.x"]
-_SHOW_A_TURN = [INDEX["offset_gyro_z"], INDEX["offset_accel_y"]]
+_SIDEWAYS = INDEX["offset_accel_y"]
+_SHOW_A_TURN = [INDEX["offset_gyro_z"], _SIDEWAYS]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
 _WIND_AHEAD, _YAW = INDEX["side_wind.ahead_m"], 2
@@ -82,9 +91,13 @@ class Felt:
 
     def __call__(self, x: Floats) -> Profiles:
         """The road and the air for these parameters."""
+        return self.and_shown(x)[0]
+
+    def and_shown(self, x: Floats) -> tuple[Profiles, Floats | None]:
+        """The same, and what is predicted there (n, 13), where that had to be known to feel it."""
         leans_mps2 = self._lean_share * (in_time(self._left_mps2, x) + self._tyres_mps2)
         road = self._tilted(self._first._replace(lean_mps2=leans_mps2, lean_share=self._lean_share), x)
-        return with_wind(self._drive, x, road, AGAIN) if self.is_anew else road
+        return wind_and_shown(self._drive, x, road, AGAIN) if self.is_anew else (road, None)
 
     def blown(self, x: Floats, effects: tuple[str, ...], rounds: int = ROUNDS) -> Felt:
         """The same road, as it is corrected in `x`, and the wind that is felt on it."""
@@ -128,6 +141,13 @@ class Felt:
             return self._is_tilted_twice
         return self.is_tilted and effect in _TURN_THE_GYROS
 
+    def changes_with_offset(self, column: int) -> bool:
+        """Whether another constant offset makes another road, or wind: what is felt of either has that in it.
+
+        A road by integrals keeps the offsets of `start`, and so does a climb that no gyro feels.
+        """
+        return (self.is_anew and column == _SIDEWAYS) or (self._is_unfelt and column in _SHOW_A_TURN)
+
     def leaning(self, x: Floats, moving: Moving, base: Floats, share: float = 1.0) -> Felt:
         """The same with a body that leans to forces, too, that are in no simulation.
 
@@ -157,12 +177,10 @@ class Felt:
             alone[first : first + KNOTS] = 0.0
         turning = self._turning(road, alone)
         bank_rad, grade_rad = (correction(x, name, len(turning)) for name in _TILTS)
-        banks, climbs = (name in self._effects for name in _TILTS)
-        gyros_feel = banks and not self._is_unfelt, climbs and self._climb is None
         of_rates, of_forces = gyros_of(alone)
         # What accelerometers show of the road is in `turning`.
         of_forces = np.where(np.isfinite(self._drive.measured[:, _FORCES]).any(axis=0), 0.0, of_forces)
-        road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), (of_rates, of_forces), *gyros_feel)
+        road = _with_tilt(alone, road, turning, (bank_rad, -grade_rad), (of_rates, of_forces), *self._gyros_feel)
         road = road._replace(bank_rad=self._unfelt_bank(road, x, alone)) if self._is_unfelt else road
         if self._climb is not None:
             shown_mps2 = motion.G * (1.0 + float(x[_AHEAD_SCALE])) * leans_too(x, road.lean_share)[1]
@@ -197,6 +215,12 @@ class Felt:
         return None if self._climb is None else self._climb.unseen(rows, self._left_along(self(x), x))
 
     @property
+    def _gyros_feel(self) -> tuple[bool, bool]:
+        """Whether the road banks, and climbs, by what a gyro feels."""
+        banks, climbs = (name in self._effects for name in _TILTS)
+        return banks and not self._is_unfelt, climbs and self._climb is None
+
+    @property
     def _is_tilted_twice(self) -> bool:
         """Whether the road banks and climbs: in a bend the one becomes the other, and so does an error of it."""
         return set(_TILTS) <= set(self._effects)
@@ -204,15 +228,18 @@ class Felt:
     def _turning(self, road: Profiles, alone: Floats) -> Floats:
         """What the roll and pitch gyros have left over on a level road, rad/s, and what the car turns and rolls (n, 4).
 
-        Kept for the next call, of this or a copy, which may differ in corrections only.
+        Of a road that neither feels the first two are not looked at, and 0. Kept for the next call, of this or a copy,
+        which may differ in corrections only.
         """
         key = b"".join(each.tobytes() for each in (alone, road.side_n, road.lean_mps2, np.array(road.lean_share)))
         if self._turned is None or self._turned[0] != key:
             level = flat(len(self._drive.steer))
             level = level._replace(side_n=road.side_n, lean_mps2=road.lean_mps2, lean_share=road.lean_share)
             rolls = self._rolls(level, alone)
-            shown = predicted(self._drive, alone, level, rolls)
-            left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2] - self._forces(shown, alone))
+            left = np.zeros((len(rolls.v_mps), 2))
+            if any(self._gyros_feel):
+                shown = predicted(self._drive, alone, level, rolls)
+                left = np.nan_to_num(self._drive.measured[:, :2] - shown[:, :2] - self._forces(shown, alone))
             yaw = np.nan_to_num(self._drive.measured[:, 2] - alone[INDEX["offset_gyro_z"]]) / gyros_of(alone)[0][2, 2]
             self._turned = key, np.column_stack([left, yaw, rolls.v_mps])
         return self._turned[1]
@@ -263,7 +290,7 @@ def _with_tilt(
     turns_too = 1.0 - float(x[INDEX[_FLAT_BENDS]])
     tilts = _integrated(np.ascontiguousarray(turning), more[0], more[1], *shows, banks, climbs, turns_too)
     bank, slope = (
-        filtered(in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
+        low_passed(in_time(tilt, x) / lean, _ROAD_KERNEL) if there else tilt
         for tilt, lean, there in zip(tilts, leans, (banks, climbs), strict=True)
     )
     return road._replace(bank_rad=bank, grade_rad=-slope)

@@ -8,12 +8,13 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
-from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered, sharp_kernel
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, sharp_kernel
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, FOLDS, noises
 from dsz_daemon.diagnose.residuals.correlation import quick_length
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
+from dsz_daemon.diagnose.simulation.instruments import low_passed
 from dsz_daemon.diagnose.simulation.motion import CarModel
 from dsz_daemon.diagnose.simulation.moving import driven, rolls_of
 from dsz_daemon.diagnose.simulation.prediction import Ints, predicted
@@ -49,39 +50,45 @@ _SOFT, _LEAN_ROUNDS, _SLOW_KERNEL, _LEAN = 0.004, 3, filter_kernel(6.0), sharp_k
 
 
 def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> Profiles:
-    """The road with the side force that makes the car's lateral acceleration what the accelerometer shows.
+    """The road with the side force that makes the car's lateral acceleration what the accelerometer shows."""
+    return wind_and_shown(drive, x, road, rounds)[0]
+
+
+def wind_and_shown(drive: Drive, x: Floats, road: Profiles, rounds: int) -> tuple[Profiles, Floats | None]:
+    """The road with that side force, and what is predicted on it (n, 13), where the last round has looked at that.
 
     Newton's way: what is left over is put right by the force that does so on the linear single-track car.
     """
     rolling, rolls = np.mean(drive.wheels, axis=1) > motion.ROLLING_MPS, rolls_of(drive, x, road)
     car = car_of(drive, x)
 
-    def left_by(road: Profiles) -> tuple[Floats, float]:
-        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - predicted(drive, x, road, rolls)[:, _ACROSS])
+    def left_by(road: Profiles) -> tuple[Floats, Floats, float]:
+        shown = predicted(drive, x, road, rolls)
+        left_mps2 = np.nan_to_num(drive.measured[:, _ACROSS] - shown[:, _ACROSS])
         left_mps2 = np.where(rolling, left_mps2, 0.0)
-        return left_mps2, float(np.sum(left_mps2**2))
+        return shown, left_mps2, float(np.sum(left_mps2**2))
 
-    (left_mps2, before), share = left_by(road), 1.0
+    (shown, left_mps2, before), share = left_by(road), 1.0
     for k in range(rounds):
-        more_n = filtered(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), GUSTS)
+        more_n = low_passed(_push_n(car, in_time(left_mps2, x), rolls.v_mps, DT_S), GUSTS)
         more = road._replace(side_n=road.side_n + more_n)
         if k == rounds - 1 and share < _QUICKLY:
-            return more
-        left, after = left_by(more)
+            return more, None
+        there, left, after = left_by(more)
         # Where tyres answer late, a round may take away more than there was.
         if after >= before:
             break
-        road, left_mps2, before, share = more, left, after, after / before
+        road, shown, left_mps2, before, share = more, there, left, after, after / before
         if float(np.sum(more_n**2)) < _LITTLE * float(np.sum(road.side_n**2)):
             break
-    return road
+    return road, shown
 
 
 def of_noise_n(drive: Drive, x: Floats, road: Profiles) -> Floats:
     """As what wind (n,) the accelerometer's noise alone, drawn once, is felt: slow noise pushes as slow winds do."""
-    noise = filtered(np.random.default_rng(0).normal(size=len(drive.steer)), filter_kernel())
+    noise = low_passed(np.random.default_rng(0).normal(size=len(drive.steer)), filter_kernel())
     noise *= float(np.nan_to_num(noises(drive))[_ACROSS]) / max(float(np.std(noise)), 1e-12)
-    return filtered(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), GUSTS)
+    return low_passed(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), GUSTS)
 
 
 @compiled
@@ -124,7 +131,7 @@ def follows_the_car(drive: Drive, x: Floats, road: Profiles) -> bool:
     rolling = np.flatnonzero(moving.v_mps > motion.ROLLING_MPS)[::_EVERY_ROWS]
     if len(rolling) < _ENOUGH:
         return False
-    courses = [filtered(moving.moved[:, c], GUSTS) for c in (motion.AY, motion.R)]
+    courses = [low_passed(moving.moved[:, c], GUSTS) for c in (motion.AY, motion.R)]
 
     def before(late_s: float) -> list[Floats]:
         return [course[np.maximum(rolling - round(late_s / DT_S), 0)] for course in courses]
@@ -196,7 +203,7 @@ def with_wind_that_leans(drive: Drive, x: Floats, road: Profiles) -> Profiles:
     for _ in range(_LEAN_ROUNDS):
         left = np.where(rolling[:, np.newaxis], np.nan_to_num(drive.measured - predicted(drive, x, road, rolls)), 0.0)
         tilt, shown = np.cumsum(left[:, _ROLL_RATE]) * DT_S, left[:, _ACROSS] / motion.G
-        lean = filtered(tilt + _slow_part(shown - tilt), _LEAN)
+        lean = low_passed(tilt + _slow_part(shown - tilt), _LEAN)
         if (size := float(np.sum(lean**2))) > least:
             break
         least = size
