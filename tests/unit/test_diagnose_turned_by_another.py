@@ -45,8 +45,16 @@ GYRO_Z, ACCEL_Y = 2, 4
         # But where that is said to swing, it is right then.
         (("steering_ratio", "soft_mount"), {"gyro_z": 0.9, "accel_y": 1.6}, {"steering_ratio"}, ["gyro_z", "accel_y"]),
         (("steering_ratio", "soft_mount"), {"gyro_z": 0.9, "accel_y": 1.4}, set(), []),
+        # Nor is there one by itself, or beside instruments, where the only channel that could tell is off.
+        (("side_wind",), {"gyro_z": 1.6, "accel_y": 0.9}, {"side_wind"}, ["gyro_z", "accel_y"]),
+        (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, {"side_wind"}, ["gyro_z", "accel_y"]),
+        (("side_wind",), {"gyro_z": 1.4, "accel_y": 3.0}, set(), []),
+        (("side_wind",), {"accel_y": 3.0}, set(), []),
+        # At the limit of grip by as much as that of its own.
+        (("low_friction", "side_wind"), {"gyro_z": 2.4}, {"low_friction", "side_wind"}, ["gyro_z"]),
+        (("low_friction", "side_wind"), {"gyro_z": 2.2}, set(), []),
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
-        (("gyro_scale", "side_wind"), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
+        (("gyro_scale",), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
         (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
         (("low_friction",), {"gyro_z": 2.6, "accel_y": 1.8, "wheel_speed_fl": 5.0}, set(), []),
         (("low_friction",), {"gyro_z": 1.4, "accel_y": 9.0, "wheel_speed_fl": 50.0}, set(), []),

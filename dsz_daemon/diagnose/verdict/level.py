@@ -76,11 +76,11 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     channels = [channel for channel in OF_A_TURN if channel in level]
-    # A wind takes what the accelerometer has left, whatever that is of.
+    # A wind takes what the accelerometer has left, whatever that is of: the yaw rate alone says whether it is one.
     blown = {"side_wind"} & set(found.best.effects)
     off = sorted(level[channel] for channel in channels if not blown or channel != "accel_y")
     # One that is off may be off by its own instrument; but not by one that swings, which is said to explain it.
-    if not names | limits or not off or off[-1] < TURNED:
+    if not names | limits | blown or not off or off[-1] < TURNED:
         return set(), []
     limit = max((found.gains[limit] for limit in limits), default=0.0)
     of_limit = limit > max((found.gains[one] for one in names), default=0.0)
@@ -88,7 +88,7 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     is_wrong = off[0] >= TURNED or "soft_mount" in found.best.effects
     if of_limit:
         is_far = off[0] >= _OF_A_LIMIT or rolls >= UNEXPLAINED * _COLOURED
-        is_wrong &= len(off) > 1 and (is_far or any(map(is_of_the_car, found.best.effects)))
+        is_wrong &= (len(off) > 1 or bool(blown)) and (is_far or any(map(is_of_the_car, found.best.effects)))
     if not is_wrong:
         return {name for name in names if found.gains[name] < _OF_A_CURVE * limit}, []
     return names | limits | blown, channels
