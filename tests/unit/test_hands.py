@@ -62,6 +62,22 @@ def test_a_fault_is_raised_where_it_was_asked_and_the_hands_go_on(bad: int) -> N
         assert hands.map(done, [1, 2]) == [1, 2]
 
 
+def test_after_a_fault_nothing_else_is_begun() -> None:
+    begun, both, is_raised = list[int](), threading.Barrier(2), threading.Event()
+
+    def done(one: int) -> None:
+        begun.append(one)
+        if one < 2:
+            both.wait(LONG_S)
+        if one == 0:
+            raise ValueError(one)
+        is_raised.wait(0.3)
+
+    with Hands(2) as hands, pytest.raises(ValueError, match="0"):
+        hands.map(done, range(6))
+    assert sorted(begun) == [0, 1]
+
+
 def test_no_thread_is_left() -> None:
     before = threading.active_count()
     with Hands(4) as hands:
