@@ -43,7 +43,8 @@ class CarModel(NamedTuple):
 
     `swings_m`: how far the C.G. is above what the body leans about; there the wheels stand. `small_wheels`,
     `unturned_wheels`: how far what the front wheels roll is drawn for small angles, or as if they were not turned;
-    `nearer`: how far they are beside the middle, over the wheelbase, 0 where they are turned alike.
+    `nearer`: how far they are beside the middle, over the wheelbase, 0 where they are turned alike. `load_across_m`:
+    the height of the C.G., as far as what a tyre does goes with the load that bends move to the outer ones.
     """
 
     mass_kg: float
@@ -74,6 +75,7 @@ class CarModel(NamedTuple):
     small_wheels: float = 0.0
     unturned_wheels: float = 0.0
     nearer: float = 0.0
+    load_across_m: float = 0.0
 
 
 @compiled
@@ -100,6 +102,22 @@ def _scrubbed(car: CarModel, heading: float, curvature: float, sin: float) -> tu
     e = half * curvature
     one = car.parallel_steer * car.front_stiffness * heading * e
     return -one * e, -one * half * sin - one * e * car.cg_to_front_axle_m
+
+
+@compiled
+def _outwards(
+    car: CarModel, across_mps2: float, heading: float, curvature: float, sin: float, front_n: float, rear_n: float
+) -> tuple[float, float]:
+    """What the outer tyres' load does beyond that of two alike on an axle: force to the left, and yaw moment.
+
+    An axle's force is h a_y / g outwards of its middle. There a front wheel is turned by sin^2(delta) / L less for each
+    metre, as far as both point to where the car turns, and goes by heading r / v less; a rear one by F_r r / v.
+    """
+    outside_m = car.load_across_m * across_mps2 / G
+    wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
+    less = (1.0 - car.parallel_steer) * sin * sin / wheelbase_m - heading * curvature
+    front, rear = -outside_m * car.front_stiffness * less, -outside_m * curvature * rear_n
+    return front + rear, front * car.cg_to_front_axle_m - rear * car.cg_to_rear_axle_m - outside_m * front_n * sin
 
 
 @compiled
@@ -221,6 +239,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, tan)
             scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
+            if car.load_across_m != 0.0:
+                outer_n, outer_nm = _outwards(car, ay, heading, r * per_v, sin, front, rear)
+                scrub_n, scrub_nm = scrub_n + outer_n, scrub_nm + outer_nm
             ay = (rear + outside + scrub_n + steered + pushes[i, 0]) * per_kg
             turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear * lr + steered * lf + pushes[i, 1]
             r_rate = turning * per_kgm2
@@ -272,6 +293,9 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
         cos, sin = cos_of(delta_mid), sin_of(delta_mid)
         steered = front_mid * cos + _pulled(car, front_mid, along, sin, sin / cos)
         scrub_n, scrub_nm = _scrubbed(car, heading, r_mid * per_v, sin)
+        if car.load_across_m != 0.0:
+            outer_n, outer_nm = _outwards(car, ay, heading, r_mid * per_v, sin, front_mid, rear_mid)
+            scrub_n, scrub_nm = scrub_n + outer_n, scrub_nm + outer_nm
         vy += dt_s * ((rear_mid + outside + scrub_n + steered + pushes[i, 0]) * per_kg - r_mid * v_mid)
         turning = car.wind_ahead_m * side_n[i] + scrub_nm - rear_mid * lr + steered * lf + pushes[i, 1]
         r += dt_s * turning * per_kgm2
