@@ -132,11 +132,12 @@ SENSOR_BANDWIDTH = Effect(
 SENSOR_SATURATION = Effect(
     "sensor_saturation",
     "Readings clip",
-    "|reading| <= limit",
+    "|reading - s offset| <= limit, s from 0 to 1: clipped with its offset or before",
     SENSORS,
     (
         Parameter("accel_limit_mps2", "m/s2", 0.2, 0.0, 100.0, 0.1),
         Parameter("gyro_limit_radps", "rad/s", 0.01, 0.0, 10.0, 0.01),
+        Parameter("before_offset", "1", 0.5, 0.0, 1.0, math.inf),
     ),
     source="Titterton and Weston, Strapdown Inertial Navigation Technology",
     needs=(LATERAL, YAW_RATE),

@@ -9,8 +9,9 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.descent import loss_of_rows
+from dsz_daemon.diagnose.fitting.drawings import UNTOLD
 from dsz_daemon.diagnose.fitting.gains import quiet
-from dsz_daemon.diagnose.fitting.limits import LIMITS, reaches, tops_of
+from dsz_daemon.diagnose.fitting.limits import LIMITS, limits_read_off, reaches, tops_of
 from dsz_daemon.diagnose.fitting.model import IMU, Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S
 from dsz_daemon.diagnose.recordings.recording import DT_S
@@ -162,6 +163,9 @@ def _clipped(drive: Drive, rows: Rows, x: Floats) -> list[tuple[str, Floats]]:
                 limits.append(furthest)
         if limits:
             start[INDEX[f"sensor_saturation.{name}"]] = max(limits)
+    if not np.array_equal(start, x) and not limits_read_off(drive, start):
+        # Where no reading stands still noise comes after the limit, and so may the offset.
+        start[INDEX["sensor_saturation.before_offset"]] = UNTOLD
     return [] if np.array_equal(start, x) else [("sensor_saturation", start)]
 
 

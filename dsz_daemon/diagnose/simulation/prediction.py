@@ -71,14 +71,18 @@ def shown(drive: Drive, x: Floats, moving: Moving) -> Floats:
 
 
 def _clip(drive: Drive, x: Floats, out: Floats) -> None:
-    """Limits the IMU's channels; az only if it stands at the limit: a sensor's z may well reach further than 1 g."""
+    """Limits the IMU's channels; az only if it stands at the limit: a sensor's z may well reach further than 1 g.
+
+    What is limited before offsets are added to it stands as much higher on one side as it stands lower on the other.
+    """
     gyro, accel = x[INDEX["sensor_saturation.gyro_limit_radps"]], x[INDEX["sensor_saturation.accel_limit_mps2"]]
+    aside = x[INDEX["sensor_saturation.before_offset"]] * x[_OFFSETS]
     if gyro > 0.0:
-        np.clip(out[:, :3], -gyro, gyro, out=out[:, :3])
+        np.clip(out[:, :3], aside[:3] - gyro, aside[:3] + gyro, out=out[:, :3])
     if accel > 0.0:
         upright = float(np.nanmedian(np.abs(drive.measured[:, 5]))) if np.isfinite(drive.measured[:, 5]).any() else 0.0
         last = 6 if upright < _AT_LIMIT * accel else 5
-        np.clip(out[:, 3:last], -accel, accel, out=out[:, 3:last])
+        np.clip(out[:, 3:last], aside[3:last] - accel, aside[3:last] + accel, out=out[:, 3:last])
 
 
 def _add_own(drive: Drive, x: Floats, moving: Moving, out: Floats) -> None:
