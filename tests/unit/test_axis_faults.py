@@ -104,6 +104,17 @@ def test_the_words_are_those_of_the_simulated_car() -> None:
     assert KINDS == effects_of_sensors.KINDS
 
 
+@pytest.mark.parametrize("less", [0.3, 0.5])
+def test_a_yaw_gyro_that_has_lost_its_sign_is_not_turned_round(less: float) -> None:
+    """On a way that turns mostly to the right it goes mostly the wrong way; one that is turned round does so always."""
+    right = nominal()
+    right[:, 2] *= np.where(right[:, 2] > 0.0, less, 1.0)
+    shown = measured(right)
+    shown[:, 2] = np.abs(shown[:, 2] - OFFSETS[2])
+    assert said(shown, right) == []
+    assert said(reversed_(measured(right), 2), right) == [("gyro_z", "reversed")]
+
+
 def test_wired_right_nothing_is_said() -> None:
     assert said(RIGHT, NOMINAL) == []
 

@@ -62,6 +62,8 @@ _STEEP_RAD, _HILLY_RAD = 0.04, 0.02
 # What a fault has to explain of a channel's power: of what the tilt leaves (less where a sensor is only turned round:
 # a phone shakes, and what it shows is moved the wrong way by as much as it should), and of all.
 _LEAST_SHARE, _LEAST_TURNED, _LEAST_OF_ALL = 0.4, 0.3, 0.1
+# Correlation to one side of a channel that does there what no fault of wiring does.
+_AGAINST = -0.5
 
 
 class _Said(NamedTuple):
@@ -202,7 +204,19 @@ class _View:
         lagged = [self._quick(_late(nominal[:, followed], lag_s)) for lag_s in _lags_s()]
         if max(float(np.std(one)) for one in lagged) < _LEAST_MOVED[followed]:
             return dict.fromkeys(ways, _NO_FIT)
-        return {way: self._fit(way, lagged, followed) for way in ways}
+        fits = {way: self._fit(way, lagged, followed) for way in ways}
+        if followed == _YAW:
+            fits |= {way: _NO_FIT for way in ways if self._goes_back(nominal[self._used, followed], way)}
+        return fits
+
+    def _goes_back(self, followed: Floats, way: _Way) -> bool:
+        """Whether the channel goes against what it is to follow on one side: it shows a size that has lost its sign."""
+        shown = way.sign * self.values
+        sides = (side for side in (followed > 0.0, followed < 0.0) if side.any())
+        return any(
+            _correlation(followed[side] - followed[side].mean(), shown[side] - shown[side].mean()) < _AGAINST
+            for side in sides
+        )
 
     def _fit(self, way: _Way, lagged: Sequence[Floats], followed: int) -> _Fit:
         factor = way.sign * UNITS[followed // 3].get(way.unit, 1.0)
