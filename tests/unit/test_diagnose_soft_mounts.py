@@ -21,6 +21,7 @@ from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.simulation.slow_sensors import smoothed
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.said import Diagnosis
+from dsz_daemon.diagnose.verdict.unnamed import not_named
 
 HZ, DAMPING = 1.9, 0.08
 # A hand that trembles: what turns slowly alone swings nothing.
@@ -131,3 +132,17 @@ def test_a_mount_is_guessed_where_it_halves_what_a_channel_has_left(scale: float
     rows = rows_of(one)
     names = [name for name, _ in guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE))]
     assert ("soft_mount" in names) is is_guessed
+
+
+@pytest.mark.parametrize(
+    ("effect", "share", "is_named"),
+    [("suspension_roll", 1.0, False), ("suspension_roll", 0.5, True), ("suspension_pitch", 1.0, False)],
+)
+def test_a_body_that_swings_as_fast_as_any_may_is_the_mount(effect: str, share: float, is_named: bool) -> None:
+    one = drive({}, CITY_V, CITY_STEER)
+    fit = fitted(one, rows_of(one), nothing(), (), TOLERANCE)
+    x = fit.x.copy()
+    x[INDEX[f"{effect}.frequency_share"]] = share
+    alone, beside = fit._replace(x=x, effects=(effect,)), fit._replace(x=x, effects=("soft_mount", effect))
+    assert effect not in not_named(one, alone, set())
+    assert (effect not in not_named(one, beside, set())) is is_named

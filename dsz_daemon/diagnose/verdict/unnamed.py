@@ -43,6 +43,9 @@ _ONE_WITHOUT_A_GYRO = (
 _APART_SPREADS = 4.0
 # So much of a scale may a lean leave that undoes it.
 _UNDONE = 0.25
+_SWINGS = {effect: INDEX[f"{effect}.frequency_share"] for effect in ("suspension_roll", "suspension_pitch")}
+# Over 1.5 Hz; the end of what a body does is 1.
+_FASTEST = 0.95
 _RESISTANCE = INDEX["wheel_slip.resistance"]
 _SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for axle in "fr")
 # A wheel whose speed is so many times as rough as the smoothest one's has teeth that are not alike: rings that are as
@@ -91,6 +94,9 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
         elif any(place == IMU_CHANNELS[gyro] for place, _ in shapes):
             more, less = G * fit.x[INDEX[tilt]], fit.x[INDEX[scale]]
             names |= effects if abs(more + less) < _UNDONE * abs(less) else set()
+    # A body that swings as fast as any may, beside an IMU that swings on its mount, is that mount.
+    if "soft_mount" in fit.effects:
+        names |= {effect for effect, share in _SWINGS.items() if fit.x[share] > _FASTEST}
     # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
     # What a wheel with uneven teeth is off by is theirs, and what one that grows with the speed is off by, its growth.
     if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit) or _grows(drive, fit):
