@@ -311,23 +311,6 @@ def test_outer_tyres_do_more_with_their_load(v: float, delta: float) -> None:
     assert abs(row[motion.R]) < 0.999 * abs(alike[motion.R])
 
 
-def test_outer_wheels_that_steer_as_the_inner_ones_do_more_with_their_load() -> None:
-    """Second route as above, both front wheels turned alike: then only their headings differ, and there it counts."""
-    v, delta, height_m = 8.0, 0.2, 0.6
-    car = NOMINAL._replace(load_across_m=height_m, parallel_steer=1.0)
-    row = driven(car, v, np.full(len(T), delta))[-1]
-    r, vy, outwards_m = row[motion.R], row[motion.VY], height_m * row[motion.AY] / G
-    yaw_nm = without_nm = 0.0
-    for side in (1.0, -1.0):
-        y = 0.5 * side * TRACK
-        for share in (0.5 - side * outwards_m / TRACK, 0.5):
-            front = -CF * share * (math.atan2(vy + LF * r, v - r * y) - delta)
-            one_nm = LF * front * math.cos(delta) + y * front * math.sin(delta)
-            one_nm += LR * CR * share * math.atan2(vy - LR * r, v - r * y)
-            yaw_nm, without_nm = (yaw_nm, without_nm + one_nm) if share == 0.5 else (yaw_nm + one_nm, without_nm)
-    assert abs(yaw_nm) < 0.1 * abs(without_nm - yaw_nm)
-
-
 def test_front_wheels_tell_the_speed() -> None:
     """In a steady bend they roll v cos(delta) + (v_y + l_f r) sin(delta), and the car is that of that speed."""
     delta = np.full(len(T), 0.15)

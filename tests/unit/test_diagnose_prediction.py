@@ -273,6 +273,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "ahead_load_m",
                 "side_load_m",
                 "fades_per_s",
+                "before_offset",
                 "turns",
                 "sharpness",
                 "centred",

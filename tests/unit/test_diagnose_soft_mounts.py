@@ -146,3 +146,42 @@ def test_a_body_that_swings_as_fast_as_any_may_is_the_mount(effect: str, share: 
     alone, beside = fit._replace(x=x, effects=(effect,)), fit._replace(x=x, effects=("soft_mount", effect))
     assert effect not in not_named(one, alone, set())
     assert (effect not in not_named(one, beside, set())) is is_named
+
+
+def smoothly(columns: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """Each column by a first order, of scipy's."""
+    system = ([1.0], [time_constant_s, 1.0])
+    return np.column_stack([lsim(system, one - one[0], T)[1] + one[0] for one in columns.T])
+
+
+def test_wheels_that_follow_smoothly_are_not_late_by_a_time() -> None:
+    """And it is not the IMU that swings."""
+    one = drive({}, BUMPY_V, CITY_STEER)
+    measured = one.measured.copy()
+    measured[:, 6:9] = smoothly(measured[:, 6:9], 0.15)
+    told = answered(found(one._replace(wheels=smoothly(one.wheels, 0.15), measured=measured)))
+    assert told.causes == []
+    assert [(shape.channel, shape.shape) for shape in told.unlisted] == [
+        (f"wheel_speed_{wheel}", "k*ax") for wheel in ("fl", "fr", "rl", "rr")
+    ]
+    assert told.unlisted[0].coefficient.value == pytest.approx(-0.15, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("shows", "is_late"), [(("accel_x",), False), (("accel_x", "accel_z"), True), (("gyros",), True)]
+)
+def test_wheels_follow_smoothly_where_something_swings_along_the_car_alone(
+    shows: tuple[str, ...], is_late: bool
+) -> None:
+    one = drive({}, BUMPY_V, LIVELY)
+    x = nothing()
+    x[INDEX["soft_mount.per_w2_s2"]], x[INDEX["wheel_speed_delay.delay_s"]] = 0.007, 0.1
+    fit = fitted(one, rows_of(one), x, ("wheel_speed_delay", "soft_mount"), TOLERANCE)
+    shares = [INDEX[f"soft_mount.{name}"] for name in ("gyros", "accel_x", "accel_y", "accel_z")]
+    there = fit.x.copy()
+    there[shares] = 0.0
+    there[[INDEX[f"soft_mount.{name}"] for name in shows]] = 1.0
+    columns = (*(i for i in fit.columns if i not in shares), *shares)
+    fit = fit._replace(x=there, columns=columns, std=np.full(len(columns), 0.01), told=None)
+    assert ("wheel_speed_delay" not in not_named(one, fit, set())) is is_late
+    assert ("wheel_speed_delay" in not_named(one, fit._replace(effects=("wheel_speed_delay",)), set())) is False

@@ -131,6 +131,19 @@ def test_what_other_wheels_drive_is_given_no_name_but_a_roads(level: dict[str, f
     assert driven_by_other_wheels(search, level) == ({"imu_lever_arm", "wheel_speed_delay"} if is_far else set())
 
 
+@pytest.mark.parametrize(
+    ("level", "is_none"),
+    [
+        ({"wheel_speed_fl": 5.1, "wheel_speed_fr": 6.5, "wheel_speed_rr": 0.6}, True),
+        # One wheel may be wrong by itself.
+        ({"wheel_speed_fl": 4.9, "wheel_speed_fr": 7.5, "accel_y": 6.0}, False),
+    ],
+)
+def test_radii_that_leave_wheels_wrong_are_none(level: dict[str, float], is_none: bool) -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=("imu_lever_arm", "wheel_radius")))
+    assert driven_by_other_wheels(search, level) == ({"wheel_radius"} if is_none else set())
+
+
 def test_an_arm_beside_wheels_that_are_exchanged_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     one = drive({"imu_lever_arm.x_m": 0.6}, CITY_V, CITY_STEER)
     search = found(one)

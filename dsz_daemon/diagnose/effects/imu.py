@@ -112,7 +112,8 @@ IMU_DELAY = Effect(
     "The IMU's readings come {delay_s:.3f} s late",
     "reading(t) = y(t - d)",
     SENSORS,
-    (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.003),),
+    # In which millisecond of its frame a reading is taken is no delay.
+    (Parameter("delay_s", "s", 0.02, 0.0, 0.5, 0.004),),
     source="a transport delay",
     needs=(YAW_ACCELERATION,),
     like=("sensor_bandwidth",),

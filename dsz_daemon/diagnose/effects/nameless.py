@@ -6,6 +6,8 @@ import math
 
 from dsz_daemon.diagnose.effects.row import CAR, SENSORS, WHEELS, Effect, Parameter, even
 
+OUTER_LOAD = "outer_load"
+
 NAMELESS = (
     Effect(
         "wheel_square",
@@ -41,6 +43,15 @@ NAMELESS = (
         "v = v_x -+ (1 - k) r track / 2",
         WHEELS,
         (Parameter("share", "1", 0.1, 0.0, 1.2, 0.05),),
+    ),
+    # How a car is drawn, and no physics left out: it is never told. It has a rival's place and no nuisance's, for few
+    # simulations have it, and beside what they leave out it would be anything.
+    Effect(
+        OUTER_LOAD,
+        "Outer tyres do more with the load that a bend moves to them, by a C.G. {height_m:.2f} m high",
+        "an axle acts h a_y / g outwards of its middle",
+        CAR,
+        (Parameter("height_m", "m", 0.1, 0.0, 1.2, 0.1),),
     ),
     Effect(
         "steering_lag",

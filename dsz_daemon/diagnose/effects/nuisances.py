@@ -23,7 +23,7 @@ FORM = (
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("steered_pull", "steered_brake", "small_turns")),
     *(Parameter(name, "1", 0.5, 0.0, 1.2, math.inf) for name in ("flat_roads", "flat_bends", "flat_leans")),
     Parameter("parallel_steer", "1", 0.5, -0.2, 2.0, math.inf),
-    *(Parameter(name, "m", 0.1, 0.0, 1.2, math.inf) for name in ("load_height_m", "load_across_m")),
+    Parameter("load_height_m", "m", 0.1, 0.0, 1.2, math.inf),
     *(*even("large_angles", "1/rad2", 0.2, 0.4, math.inf), *even("steering_skew_s", "s", 0.002, 0.003, math.inf)),
     *even("hasty_s", "s", 0.002, 0.005, math.inf),
     *even("drive_steer brake_steer", "rad/(m/s2)", 1e-4, 2e-2, math.inf),

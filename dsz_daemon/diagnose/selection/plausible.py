@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.steering import STEERING_COMPLIANCE
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.gains import far_off
@@ -84,6 +85,8 @@ _BOUNCES_HZ = 0.5
 # Of a track that is configured wrongly the other one is so much nearer to what it is at most.
 _NARROWER, _TRACKS = 0.12, (INDEX["track_width.front"], INDEX["track_width.rear"])
 _ROLL_GYRO = 0
+# No car's C.G. is as low as this, or as high.
+_HEIGHT, _CG_M = INDEX["outer_load.height_m"], (0.2, 1.15)
 _AHEAD = INDEX["side_wind.ahead_m"]
 
 
@@ -94,6 +97,8 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     ):
         return True
     if effect == "side_wind" and _is_no_wind(drive, fit):
+        return True
+    if effect == OUTER_LOAD and not _CG_M[0] < fit.x[_HEIGHT] < _CG_M[1]:
         return True
     if effect == "low_friction" and _is_no_stretch(drive, fit):
         return True

@@ -233,6 +233,19 @@ def wheel_shapes(drive: Drive, fit: Fit) -> list[Shape]:
     ]
 
 
+def _swinging(drive: Drive, fit: Fit) -> list[str]:
+    """The channels that show how an IMU swings on its mount."""
+    swings = values_of(drive, fit, "soft_mount")
+    heard = [channel for c, channel in enumerate(IMU_CHANNELS) if np.isfinite(drive.measured[:, c]).any()]
+    shares = ((one, swings.get("gyros" if one.startswith("gyro") else one, (0.0, 0.0))) for one in heard)
+    return [channel for channel, (share, std) in shares if share > max(_SHOWS, std)]
+
+
+def wheels_follow(drive: Drive, fit: Fit) -> bool:
+    """Whether what is late are wheel speeds that follow smoothly: along the car alone something swings besides."""
+    return {"soft_mount", "wheel_speed_delay"} <= set(fit.effects) and _swinging(drive, fit) == ["accel_x"]
+
+
 def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
     """What all wheels show alike, all of the IMU, or the whole car, where it gains enough to be `told`."""
     found = list[Shape]()
@@ -250,14 +263,15 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         late = Coefficient(value, std, "s/s of lateness")
         found += [Shape(IMU_CHANNELS[c], "later by k*t", late, 1.0) for c in there]
     if "soft_mount" in told:
-        swings = values_of(drive, fit, "soft_mount")
-        value, std = swings["per_w2_s2"]
+        value, std = values_of(drive, fit, "soft_mount")["per_w2_s2"]
         hz = value**-0.5 / (2.0 * math.pi)
         rate = Coefficient(hz, 0.5 * hz * std / value, "Hz")
-        heard = [channel for c, channel in enumerate(IMU_CHANNELS) if np.isfinite(drive.measured[:, c]).any()]
-        shares = ((one, swings.get("gyros" if one.startswith("gyro") else one, (0.0, 0.0))) for one in heard)
-        swing = [channel for channel, (share, std) in shares if share > max(_SHOWS, std)]
-        found += [Shape(channel, "swings", rate, 1.0) for channel in swing]
+        if wheels_follow(drive, fit):
+            late_s, std = values_of(drive, fit, "wheel_speed_delay")["delay_s"]
+            behind = Coefficient(-late_s, std, "(m/s)/(m/s2), of wheels that follow smoothly")
+            found += [Shape(f"wheel_speed_{wheel}", "k*ax", behind, 1.0) for wheel in ("fl", "fr", "rl", "rr")]
+        else:
+            found += [Shape(channel, "swings", rate, 1.0) for channel in _swinging(drive, fit)]
     if "yaw_inertia" in told:
         value, std = values_of(drive, fit, "yaw_inertia")["share"]
         whole = drive.car.yaw_inertia_kgm2

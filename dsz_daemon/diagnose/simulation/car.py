@@ -55,5 +55,5 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         at("small_wheels"),
         at("unturned_wheels"),
         at("wheels_apart") * 0.5 * front_track_m / (lf + lr),
-        at("load_across_m"),
+        at("outer_load.height_m"),
     )

@@ -115,7 +115,7 @@ def _outwards(
     """
     outside_m = car.load_across_m * across_mps2 / G
     wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
-    less = (1.0 - car.parallel_steer) * sin * sin / wheelbase_m - heading * curvature
+    less = sin * sin / wheelbase_m - heading * curvature
     front, rear = -outside_m * car.front_stiffness * less, -outside_m * curvature * rear_n
     return front + rear, front * car.cg_to_front_axle_m - rear * car.cg_to_rear_axle_m - outside_m * front_n * sin
 

@@ -37,6 +37,8 @@ _OF_A_CURVE = 0.2
 # Where two wheels stay off by so many times what may be, no name was right: of 14 such recordings of six simulators
 # three had one, arms beside wheels that were exchanged or copied, and a delay of all that were read in turn.
 _OTHER_WHEELS, _WHEELS_OFF = 8.0, 2
+# And radii are what makes wheels right: none that stay as they are leave two off by more than this.
+_OTHER_RADII = 5.0
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -95,10 +97,14 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 
 
 def driven_by_other_wheels(found: Search, level: Mapping[str, float]) -> set[str]:
-    """All names but a road's, where wheels of a car are off by far: what they say drives the simulation, too."""
+    """All names but a road's, where wheels of a car are off by far: what they say drives the simulation, too.
+
+    Their radii, where they are off by less.
+    """
     rolls = [value for name, value in level.items() if name.startswith("wheel_")]
-    is_far = sum(value > _OTHER_WHEELS for value in rolls) >= _WHEELS_OFF
-    return set(found.best.effects) - TILTS if is_far else set()
+    if sum(value > _OTHER_WHEELS for value in rolls) >= _WHEELS_OFF:
+        return set(found.best.effects) - TILTS
+    return {"wheel_radius"} if sum(value > _OTHER_RADII for value in rolls) >= _WHEELS_OFF else set()
 
 
 def curve_of_an_axle(found: Search) -> set[str]:

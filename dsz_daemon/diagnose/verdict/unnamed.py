@@ -24,7 +24,7 @@ from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.shapes.eccentric import parts_of
 from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven, sticks
-from dsz_daemon.diagnose.shapes.unlisted import wheel_squares
+from dsz_daemon.diagnose.shapes.unlisted import wheel_squares, wheels_follow
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.simulation.motion import G
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
@@ -97,6 +97,8 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # A body that swings as fast as any may, beside an IMU that swings on its mount, is that mount.
     if "soft_mount" in fit.effects:
         names |= {effect for effect, share in _SWINGS.items() if fit.x[share] > _FASTEST}
+    # Nor are wheels late by a time that follow smoothly.
+    names |= {"wheel_speed_delay"} if wheels_follow(drive, fit) else set()
     # Of wheels that slip, what they do at a steady speed is their radii's as well: neither is told at resistance's end.
     # What a wheel with uneven teeth is off by is theirs, and what one that grows with the speed is off by, its growth.
     if _rolls_otherwise(drive, fit) or _counts_unevenly(drive, fit) or _grows(drive, fit):
