@@ -35,7 +35,7 @@ from dsz_daemon.diagnose.verdict.level import (
 )
 from dsz_daemon.diagnose.verdict.numbers import offsets_of
 from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
-from dsz_daemon.diagnose.verdict.steady import changes_all_the_way
+from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_change
 from dsz_daemon.diagnose.verdict.unnamed import not_named
 from dsz_daemon.diagnose.verdict.untested import untested
 
@@ -64,7 +64,8 @@ def answered(
     by_steps = any(one.shape == STEPS for one in beside)
     no_names |= HIDDEN_BY_STEPS if by_steps else set()
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
-    no_names |= {effect for effect in effects if changes_all_the_way(found.drive, found.best, effect)}
+    changing = {effect for effect in effects if changes_all_the_way(found.drive, found.rows, found.best, effect)}
+    no_names |= changing
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
@@ -92,7 +93,8 @@ def answered(
         # What is left of a channel that is explained may be how the simulation draws what explains it.
         return left.channel in unexplained or left.gain >= asked_of(found.drive, left.effect.name, found.gains)
 
-    shapes = [*beside, *unlisted(found.drive, found.rows, found.best, there, is_enough)]
+    shapes = [*beside, *times_that_change(found.drive, found.best, changing)]
+    shapes += [*unlisted(found.drive, found.rows, found.best, there, is_enough)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
