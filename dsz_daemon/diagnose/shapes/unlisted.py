@@ -266,7 +266,7 @@ def shapes_of_all(drive: Drive, fit: Fit, told: Collection[str]) -> list[Shape]:
         value, std = values_of(drive, fit, "soft_mount")["per_w2_s2"]
         hz = value**-0.5 / (2.0 * math.pi)
         rate = Coefficient(hz, 0.5 * hz * std / value, "Hz")
-        if wheels_follow(drive, fit):
+        if "wheel_speed_delay" in told and wheels_follow(drive, fit):
             late_s, std = values_of(drive, fit, "wheel_speed_delay")["delay_s"]
             behind = Coefficient(-late_s, std, "(m/s)/(m/s2), of wheels that follow smoothly")
             found += [Shape(f"wheel_speed_{wheel}", "k*ax", behind, 1.0) for wheel in ("fl", "fr", "rl", "rr")]

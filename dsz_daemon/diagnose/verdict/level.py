@@ -104,7 +104,8 @@ def driven_by_other_wheels(found: Search, level: Mapping[str, float]) -> set[str
     rolls = [value for name, value in level.items() if name.startswith("wheel_")]
     if sum(value > _OTHER_WHEELS for value in rolls) >= _WHEELS_OFF:
         return set(found.best.effects) - TILTS
-    return {"wheel_radius"} if sum(value > _OTHER_RADII for value in rolls) >= _WHEELS_OFF else set()
+    are_wrong = sum(value > _OTHER_RADII for value in rolls) >= _WHEELS_OFF
+    return {"wheel_radius"} & set(found.best.effects) if are_wrong else set()
 
 
 def curve_of_an_axle(found: Search) -> set[str]:
