@@ -323,6 +323,12 @@ def test_readings_clip_and_z_only_where_it_stands_at_the_limit() -> None:
     assert np.max(np.abs(shown(TURNING, sensor_saturation__gyro_limit_radps=0.1)[:, 2])) == pytest.approx(0.1)
 
 
+def test_a_gyro_that_clips_before_its_offset_stands_beside_its_limit() -> None:
+    clips = {"sensor_saturation__gyro_limit_radps": 0.1, "offset_gyro_z": -0.03}
+    assert np.max(shown(TURNING, **clips, sensor_saturation__before_offset=1.0)[:, 2]) == pytest.approx(0.07)
+    assert np.max(shown(TURNING, **clips)[:, 2]) == pytest.approx(0.1)
+
+
 def test_a_slippery_stretch_begins_and_ends() -> None:
     """0.2 g are 1.96 m/s2 at most: some 90 % of it for 1.7 wanted ones, and all of these before and after."""
     x = nothing()

@@ -67,12 +67,12 @@ def test_what_changes_all_the_way_is_not_said(monkeypatch: pytest.MonkeyPatch) -
     assert steady.changes_all_the_way(search.drive, search.rows, search.best, "gyro_scale") is False
 
 
-LATE_S = 0.08
+LATE_S, TOWN_V = 0.08, CITY_V + 3.0 * np.sin(0.11 * T)
 
 
-def late(by_s: np.ndarray) -> Drive:
+def late(by_s: np.ndarray, speed_mps: np.ndarray = TOWN_V) -> Drive:
     """All wheel speeds come so much (n,) late."""
-    one = drive({}, CITY_V + 3.0 * np.sin(0.11 * T), CITY_STEER)
+    one = drive({}, speed_mps, CITY_STEER)
 
     def later(columns: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(T - by_s, T, column) for column in columns.T])
@@ -89,8 +89,15 @@ def test_wheels_that_are_late_by_a_time_are_that_at_each_speed() -> None:
 
 
 def test_wheels_that_are_late_by_a_way_are_late_by_no_time() -> None:
-    speed = CITY_V + 3.0 * np.sin(0.11 * T)
-    one = late(LATE_S * 11.0 / speed)
+    one = late(LATE_S * 11.0 / TOWN_V)
+    fit = fitted(one, rows_of(one), nothing(), ("wheel_speed_delay",), TOLERANCE)
+    assert changes_all_the_way(one, rows_of(one), fit, "wheel_speed_delay")
+    told = answered(found(one))
+    assert told.causes == []
+    assert {shape.shape for shape in told.unlisted if shape.channel.startswith("wheel_")} == {"later by k"}
+    # Each part of 15 s is like the others: by the speed alone is it another time.
+    speed = 12.0 + 5.0 * np.sin(2.0 * np.pi * T / 15.0)
+    one = late(LATE_S * 12.0 / speed, speed)
     fit = fitted(one, rows_of(one), nothing(), ("wheel_speed_delay",), TOLERANCE)
     assert changes_all_the_way(one, rows_of(one), fit, "wheel_speed_delay")
     # What lasts as long as the parts of the drive do is no more of a time.
