@@ -115,6 +115,16 @@ def test_a_yaw_gyro_that_has_lost_its_sign_is_not_turned_round(less: float) -> N
     assert said(reversed_(measured(right), 2), right) == [("gyro_z", "reversed")]
 
 
+@pytest.mark.parametrize("faults", [[], [("gyro_z", "reversed")]])
+def test_a_way_to_one_side_is_not_judged_by_what_is_next_to_nothing_to_the_other(faults: list[tuple[str, str]]) -> None:
+    """Left turns, and little to the right, where the gyro shows the opposite."""
+    right = nominal()
+    right[:, 2] = np.where(right[:, 2] > 0.0, right[:, 2], 0.05 * right[:, 2])
+    shown = measured(right)
+    shown[:, 2] = np.where(right[:, 2] > 0.0, shown[:, 2], OFFSETS[2] - right[:, 2])
+    assert said(reversed_(shown, 2) if faults else shown, right) == faults
+
+
 def test_wired_right_nothing_is_said() -> None:
     assert said(RIGHT, NOMINAL) == []
 

@@ -62,8 +62,9 @@ _STEEP_RAD, _HILLY_RAD = 0.04, 0.02
 # What a fault has to explain of a channel's power: of what the tilt leaves (less where a sensor is only turned round:
 # a phone shakes, and what it shows is moved the wrong way by as much as it should), and of all.
 _LEAST_SHARE, _LEAST_TURNED, _LEAST_OF_ALL = 0.4, 0.3, 0.1
-# Correlation to one side of a channel that does there what no fault of wiring does.
-_AGAINST = -0.5
+# Correlation to one side of a channel that does there what no fault of wiring does; a side with less than such a share
+# of all that there is to be followed tells nothing.
+_AGAINST, _A_SIDE = -0.5, 0.01
 
 
 class _Said(NamedTuple):
@@ -211,8 +212,8 @@ class _View:
 
     def _goes_back(self, followed: Floats, way: _Way) -> bool:
         """Whether the channel goes against what it is to follow on one side: it shows a size that has lost its sign."""
-        shown = way.sign * self.values
-        sides = (side for side in (followed > 0.0, followed < 0.0) if side.any())
+        shown, least = way.sign * self.values, _A_SIDE * float(followed @ followed)
+        sides = (side for side in (followed > 0.0, followed < 0.0) if float(followed[side] @ followed[side]) > least)
         return any(
             _correlation(followed[side] - followed[side].mean(), shown[side] - shown[side].mean()) < _AGAINST
             for side in sides
