@@ -67,14 +67,14 @@ _RIVALS = 0.5
 # What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
 _UNNAMED = frozenset(effect.name for effect in NAMELESS) - {OUTER_LOAD}
 SURELY, _SPECIAL = 1.05, _UNNAMED | {"low_friction"}
-# What fits nearly anything counts for less, and for more how a car is drawn, which is no physics left out.
-_OF_ITS_GAIN = {**dict.fromkeys(OWN_CHANNEL, 0.8), OUTER_LOAD: 1.25}
 # What stands behind by another rule than what it gains.
 _RANKED_LOWER = _SPECIAL | OWN_CHANNEL.keys() | {LOAD}
 # What is learnt in other manoeuvres may deny an effect, by so much of what it gains.
 _DENIED = -0.2
-# What is a thousand times less likely to begin with, in log likelihood: a load without weight, leaks of one size.
-ODD_LOAD, _ODD_LEAKS = 7.0, 7.0
+# A load that weighs nothing is a thousand times less likely to begin with, in log likelihood.
+ODD_LOAD = 7.0
+# As are two leaks that happen to be as large as each other, the other way.
+_ODD_LEAKS = 7.0
 # By so much more a load is one, of what stiffness and compliance gain: beside nine of these that were planted a load
 # gained 0.2 to 86 less; of five loads that were, three gained 17 to 42 more (0.012 to 0.09).
 _MORE_THAN_TYRES = 0.01
@@ -237,7 +237,7 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
 
     A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
     general; what has no name, than a name, by as much as any cause is asked for; a load that weighs nothing, than what
-    turns a car as it does; and two leaks that are one turn, than a turn. Less has how a car is drawn.
+    turns a car as it does; and two leaks that are one turn, than a turn. How a car is drawn is a rival as names are.
     """
     least = _RIVALS * max(step.gain for step in tried)
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
@@ -250,7 +250,7 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
             alike -= _ODD_LEAKS * are_one_turn(step.fit)
         if step.effect in _UNNAMED:
             alike -= LEAST_GAIN
-        return alike * (1.0 / SURELY if step.effect in _SPECIAL else _OF_ITS_GAIN.get(step.effect, 1.0))
+        return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank
 
