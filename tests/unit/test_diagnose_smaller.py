@@ -293,6 +293,22 @@ def test_of_two_that_came_at_once_the_one_that_a_road_leaves_is_told_with_what_i
     assert [cause.effect for cause in answered(found).causes] == ["gyro_scale"]
 
 
+def test_what_comes_and_has_to_go_again_and_again_ends_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A swinging bracket was a scale, which was none beside the next, which was none beside it: twelve rounds of it."""
+    one = drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER)
+    rounds = []
+
+    def goes(drive: Any, rows: Any, before: Any, best: Any, *_: Any) -> tuple[Any, set[str]]:
+        rounds.append(best.effects)
+        return before._replace(), {"another"}
+
+    monkeypatch.setattr(search_module, "plausible", goes)
+    found = searched(one, rows_of(one), TOLERANCE)
+    assert found.best.effects == ()
+    # Once with nothing refused, and twice with the other.
+    assert rounds == 3 * [("gyro_scale",)]
+
+
 def late(**more: float) -> tuple[Any, Any, Any]:
     """A drive whose IMU is late, its rows, and the model with that, and with what else is there."""
     one = drive({"imu_delay.delay_s": 0.02}, CITY_V, CITY_STEER)

@@ -6,6 +6,7 @@ autocorrelation of what the LARGER model leaves: a partial explanation leaves mu
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -63,8 +64,8 @@ _SHARE_OF_WIND = 0.3
 _MOST_EFFECTS = 6
 # What is no scale to one side, or at one time, has to explain so much more than a scale.
 _SURELY_UNEVEN = 1.2
-# An effect that had to go may come back; not for ever.
-_MOST_STEPS = 12
+# An effect that had to go may come back; not for ever, nor so often to the same model.
+_MOST_STEPS, _MOST_TIMES = 12, 3
 # So little may a step still take off what is left of a model that others are compared with.
 _WELL = 2e-5
 # The yaw rate.
@@ -101,9 +102,10 @@ def searched(
     nominal = _refitted(drive, rows, tolerance, each)
     best, rivals, gains = nominal, dict[str, tuple[Step, ...]](), dict[str, float]()
     elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
-    refused, waits, known = set[str](), frozenset[str](), None
+    refused, waits, known, been = set[str](), frozenset[str](), None, Counter[tuple[frozenset[str], frozenset[str]]]()
     for _ in range(_MOST_STEPS):
-        if len(best.effects) >= _MOST_EFFECTS:
+        been[here := (frozenset(best.effects), frozenset(refused))] += 1
+        if len(best.effects) >= _MOST_EFFECTS or been[here] == _MOST_TIMES:
             break
         best = _drawn(drive, rows, best, tolerance, each)
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")

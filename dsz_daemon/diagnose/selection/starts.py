@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.selection.screening import feels
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.instruments import drifted_s
 from dsz_daemon.diagnose.simulation.loads import LOAD
+from dsz_daemon.diagnose.simulation.pulls import PULLS
 from dsz_daemon.diagnose.surroundings.profiles import wind_ahead_m
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -118,12 +119,16 @@ def _drift(rows: Rows, best: Fit, fades_per_s: float) -> tuple[float, Floats]:
 
 
 def _winds(drive: Drive, best: Fit, each: Each) -> list[Start]:
-    """A wind where the yaw rate has it, which leans no body, and one that leans a body on springs."""
+    """A wind where the yaw rate has it, which leans no body, and one that leans a body on springs.
+
+    Of a car that goes straight ahead as it is driven and braked: without a wind in the model what one happened to do
+    meanwhile is in that, and no wind that is felt beside it takes it back.
+    """
     softly = best.x[INDEX["suspension_roll.roll_gradient_rad_per_mps2"]] > 0.0
     found: list[Start] = []
     for leans in (0.0, 1.0) if softly else (0.0,):
         x = best.x.copy()
-        x[INDEX["side_wind.leans"]] = leans
+        x[INDEX["side_wind.leans"]], x[list(PULLS)] = leans, 0.0
         x[INDEX["side_wind.ahead_m"]] = wind_ahead_m(drive, x, best.felt, (*best.effects, "side_wind"), each)
         found.append((("side_wind",), x))
     return found

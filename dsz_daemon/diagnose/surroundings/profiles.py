@@ -60,7 +60,7 @@ _SHOW_A_TURN = [INDEX["offset_gyro_z"], _SIDEWAYS]
 _TILT_GYROS = [INDEX[f"offset_gyro_{axis}"] for axis in "xy"]
 _BY_GRAVITY = [INDEX[f"gyro_g_sensitivity.{axis}z"] for axis in "xy"]
 _WIND_AHEAD, _YAW = INDEX["side_wind.ahead_m"], 2
-_AHEAD_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+_AHEAD_M, _NEAR_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0]), 0.1
 
 
 class Felt:
@@ -341,10 +341,20 @@ def wind_ahead_m(drive: Drive, x: Floats, felt: Felt, effects: tuple[str, ...], 
     if not np.isfinite(left[[*first, *beside]]).all():
         return 0.0
     best = min(max(int(np.argmin(left)), 1), len(_AHEAD_M) - 2)
-    curve, slope, _ = np.polyfit(_AHEAD_M[best - 1 : best + 2], left[best - 1 : best + 2], 2)
-    if curve <= 0.0:
+    lowest_m = _lowest(_AHEAD_M[best - 1 : best + 2], left[best - 1 : best + 2])
+    if lowest_m is None:
         return 0.0
-    return float(np.clip(-0.5 * slope / curve, _AHEAD_M[best - 1], _AHEAD_M[best + 1]))
+    # The yaw rate is right where a push turns the car as much as this one does, which bends more on one side.
+    near_m = lowest_m + np.array([-_NEAR_M, 0.0, _NEAR_M])
+    near = np.array(list(each(left_at, near_m)))
+    nearer_m = _lowest(near_m, near) if np.isfinite(near).all() else None
+    return lowest_m if nearer_m is None else nearer_m
+
+
+def _lowest(at: Floats, values: Floats) -> float | None:
+    """Where a parabola through three points is lowest, on the way between the outer ones; None where it is not."""
+    curve, slope, _ = np.polyfit(at, values, 2)
+    return float(np.clip(-0.5 * slope / curve, at[0], at[2])) if curve > 0.0 else None
 
 
 @compiled
