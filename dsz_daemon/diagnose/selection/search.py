@@ -58,6 +58,8 @@ from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.pulls import by_force
 
 Progress = Callable[[str], None]
+# Its effects, and those that are refused beside them.
+_Model = tuple[frozenset[str], frozenset[str]]
 
 # Beside a wind, of what it gains, what a car does.
 _SHARE_OF_WIND = 0.3
@@ -102,10 +104,9 @@ def searched(
     nominal = _refitted(drive, rows, tolerance, each)
     best, rivals, gains = nominal, dict[str, tuple[Step, ...]](), dict[str, float]()
     elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
-    refused, waits, known, been = set[str](), frozenset[str](), None, Counter[tuple[frozenset[str], frozenset[str]]]()
+    refused, waits, known, been = set[str](), frozenset[str](), None, Counter[_Model]()
     for _ in range(_MOST_STEPS):
-        been[here := (frozenset(best.effects), frozenset(refused))] += 1
-        if len(best.effects) >= _MOST_EFFECTS or been[here] == _MOST_TIMES:
+        if len(best.effects) >= _MOST_EFFECTS or _is_again(been, best, refused):
             break
         best = _drawn(drive, rows, best, tolerance, each)
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
@@ -163,6 +164,13 @@ def searched(
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
     return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, best.effects, each)
+
+
+def _is_again(been: Counter[_Model], best: Fit, refused: set[str]) -> bool:
+    """Whether the search has been at this model, with the same refused, as often as it may; counts that it is."""
+    here = frozenset(best.effects), frozenset(refused)
+    been[here] += 1
+    return been[here] == _MOST_TIMES
 
 
 def _write_down(
