@@ -53,6 +53,13 @@ GYRO_Z, ACCEL_Y = 2, 4
         # At the limit of grip by as much as that of its own.
         (("low_friction", "side_wind"), {"gyro_z": 2.4}, {"low_friction", "side_wind"}, ["gyro_z"]),
         (("low_friction", "side_wind"), {"gyro_z": 2.2}, set(), []),
+        # An IMU that is late, or slow, shows how a car turns, later.
+        (("imu_delay",), {"gyro_z": 1.6, "accel_y": 2.2}, {"imu_delay"}, ["gyro_z", "accel_y"]),
+        (("sensor_bandwidth",), {"gyro_z": 2.2, "accel_y": 1.6}, {"sensor_bandwidth"}, ["gyro_z", "accel_y"]),
+        (("imu_delay",), {"gyro_z": 1.4, "accel_y": 9.0}, set(), []),
+        (("imu_delay",), {"gyro_z": 9.0}, set(), []),
+        (("imu_delay", "gyro_scale"), {"gyro_z": 9.0, "accel_y": 9.0}, set(), []),
+        ((), {"gyro_z": 9.0, "accel_y": 9.0}, set(), []),
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
         (("gyro_scale",), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
         (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),
@@ -142,6 +149,19 @@ def test_what_other_wheels_drive_is_given_no_name_but_a_roads(level: dict[str, f
 def test_radii_that_leave_wheels_wrong_are_none(level: dict[str, float], is_none: bool) -> None:
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=("imu_lever_arm", "wheel_radius")))
     assert driven_by_other_wheels(search, level) == ({"wheel_radius"} if is_none else set())
+
+
+@pytest.mark.parametrize(
+    ("level", "is_none"),
+    [
+        ({"wheel_speed_rl": 2.1, "wheel_speed_fr": 0.3}, True),
+        ({"wheel_speed_rl": 1.9, "wheel_speed_rr": 1.9, "accel_y": 6.0}, False),
+        ({}, False),
+    ],
+)
+def test_tracks_that_leave_a_wheel_wrong_are_none(level: dict[str, float], is_none: bool) -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(effects=("imu_lever_arm", "track_width")))
+    assert driven_by_other_wheels(search, level) == ({"track_width"} if is_none else set())
 
 
 def test_an_arm_beside_wheels_that_are_exchanged_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,8 +37,12 @@ _OF_A_CURVE = 0.2
 # Where two wheels stay off by so many times what may be, no name was right: of 14 such recordings of six simulators
 # three had one, arms beside wheels that were exchanged or copied, and a delay of all that were read in turn.
 _OTHER_WHEELS, _WHEELS_OFF = 8.0, 2
-# And radii are what makes wheels right: none that stay as they are leave two off by more than this.
-_OTHER_RADII = 5.0
+# And radii are what makes wheels right: none that stay as they are leave two off by more than this. Nor does a track
+# any: a differential that holds wheels together left two of them 2.6 times off, tracks that were another 1.0 at most.
+_OTHER_RADII, _OTHER_TRACKS = 5.0, 2.0
+# Nor is an IMU late, or slow, that is alone and leaves both that show how a car turns as far off: one that shows each
+# reading for a quarter of a second left them 2.3 and 2.8 times, right ones 1.4 at most.
+_LATE_IMU = frozenset({"imu_delay", "sensor_bandwidth"})
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -74,13 +78,16 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
     simulation has either right, but for one that has both wrong by far, or wheels as well, or turns besides by what
     has no name; and what explains little beside it, where either is wrong, is the curve of its tyres. One that explains
-    less is no limit: what was chosen before it is not there.
+    less is no limit: what was chosen before it is not there. An IMU that is late shows both, later.
     """
     names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
     channels = [channel for channel in OF_A_TURN if channel in level]
     # A wind takes what the accelerometer has left, whatever that is of: the yaw rate alone says whether it is one.
     blown = {"side_wind"} & set(found.best.effects)
     off = sorted(level[channel] for channel in channels if not blown or channel != "accel_y")
+    alone = set(found.best.effects)
+    if alone and alone <= _LATE_IMU and len(off) > 1 and off[0] >= TURNED:
+        return alone, channels
     # One that is off may be off by its own instrument; but not by one that swings, which is said to explain it.
     if not names | limits | blown or not off or off[-1] < TURNED:
         return set(), []
@@ -99,13 +106,14 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
 def driven_by_other_wheels(found: Search, level: Mapping[str, float]) -> set[str]:
     """All names but a road's, where wheels of a car are off by far: what they say drives the simulation, too.
 
-    Their radii, where they are off by less.
+    Their radii, where they are off by less, and their tracks, where one is.
     """
     rolls = [value for name, value in level.items() if name.startswith("wheel_")]
     if sum(value > _OTHER_WHEELS for value in rolls) >= _WHEELS_OFF:
         return set(found.best.effects) - TILTS
-    are_wrong = sum(value > _OTHER_RADII for value in rolls) >= _WHEELS_OFF
-    return {"wheel_radius"} & set(found.best.effects) if are_wrong else set()
+    wrong = {"wheel_radius"} if sum(value > _OTHER_RADII for value in rolls) >= _WHEELS_OFF else set[str]()
+    wrong |= {"track_width"} if max(rolls, default=0.0) > _OTHER_TRACKS else set()
+    return wrong & set(found.best.effects)
 
 
 def curve_of_an_axle(found: Search) -> set[str]:
