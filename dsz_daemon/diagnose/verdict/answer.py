@@ -34,6 +34,7 @@ from dsz_daemon.diagnose.verdict.level import (
     verdict,
 )
 from dsz_daemon.diagnose.verdict.numbers import offsets_of
+from dsz_daemon.diagnose.verdict.paces import differs_by_pace
 from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
 from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_change
 from dsz_daemon.diagnose.verdict.unnamed import not_named
@@ -65,7 +66,8 @@ def answered(
     no_names |= HIDDEN_BY_STEPS if by_steps else set()
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
     changing = {effect for effect in effects if changes_all_the_way(found.drive, found.rows, found.best, effect)}
-    no_names |= changing
+    by_pace = differs_by_pace(found.drive, found.rows, found.best, each)
+    no_names |= changing | set(by_pace)
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
@@ -93,7 +95,7 @@ def answered(
         # What is left of a channel that is explained may be how the simulation draws what explains it.
         return left.channel in unexplained or left.gain >= asked_of(found.drive, left.effect.name, found.gains)
 
-    shapes = [*beside, *times_that_change(found.drive, found.best, changing)]
+    shapes = [*beside, *times_that_change(found.drive, found.best, changing), *by_pace.values()]
     shapes += [*unlisted(found.drive, found.rows, found.best, there, is_enough)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})

@@ -1,0 +1,107 @@
+"""diagnose: a sensor's number that is another one for slow motion is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_diagnose_choices import TOLERANCE, T, drive, found
+
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.recordings.recording import filter_kernel
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.simulation.drive import Drive, nothing
+from dsz_daemon.diagnose.simulation.instruments import low_passed
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.paces import differs_by_pace
+
+ACROSS = 4
+# As much of what lasts for seconds as of what does not, of the steering and of the speed.
+SPEED = 12.0 + 3.0 * np.sin(2.0 * np.pi * T / 28.0) + 0.3 * np.sin(2.0 * np.pi * T / 3.1)
+STEER = 0.025 * np.sin(2.0 * np.pi * T / 30.0) + 0.015 * np.sin(2.0 * np.pi * T / 4.0)
+
+
+def shown(slow: float, quick: float) -> Drive:
+    """A lateral accelerometer that shows so much more of what lasts for seconds, and of what does not."""
+
+    def more(one: Drive) -> None:
+        course = one.measured[:, ACROSS].copy()
+        lasts = low_passed(course, filter_kernel(4.0))
+        one.measured[:, ACROSS] += slow * lasts + quick * (course - lasts)
+
+    return drive({}, SPEED, STEER, change=more)
+
+
+@pytest.mark.parametrize(
+    ("slow", "quick", "is_none"),
+    [
+        (0.05, 0.05, False),
+        (-0.05, -0.05, False),
+        # Noise and what a tolerance hides make a little difference.
+        (0.045, 0.055, False),
+        # A filter that takes what lasts for a tilt, one that has what lasts alone, and one that has more of it.
+        (-0.05, 0.0, True),
+        (0.05, 0.0, True),
+        (0.0, 0.05, True),
+        (0.1, 0.02, True),
+    ],
+)
+def test_a_scale_is_one_for_what_lasts_and_what_does_not(slow: float, quick: float, is_none: bool) -> None:
+    one = shown(slow, quick)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE)
+    told = differs_by_pace(one, rows, fit)
+    assert set(told) == ({"accel_scale"} if is_none else set())
+    for shape in told.values():
+        assert (shape.channel, shape.shape, shape.coefficient.unit) == (
+            "accel_y",
+            "k*ay where that changes slowly",
+            "1",
+        )
+        # The sign says which of the two there is more of.
+        assert np.sign(shape.coefficient.value) == np.sign(slow - quick)
+        assert shape.coefficient.value == pytest.approx(slow - quick, rel=0.3)
+
+
+def test_noise_makes_no_difference_and_other_effects_have_none() -> None:
+    """Of a scale that is next to nothing any noise is a good part."""
+    one = shown(1e-4, 1e-4)
+    rows = rows_of(one)
+    assert differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE)) == {}
+    one = shown(-0.05, 0.0)
+    for effects in ((), ("suspension_roll",), ("gyro_scale",)):
+        assert differs_by_pace(one, rows, fitted(one, rows, nothing(), effects, TOLERANCE)) == {}
+
+
+@pytest.mark.parametrize(
+    ("effect", "leaks", "told"),
+    [
+        ("gyro_scale", [(2, 2, 1.0)], ("gyro_z", "k*r where that changes slowly")),
+        ("accel_scale", [(3, 3, 1.0)], ("accel_x", "k*ax where that changes slowly")),
+        ("accel_cross_axis", [(3, 4, 1.0)], ("accel_x", "k*ay where that changes slowly")),
+        ("gyro_cross_axis", [(1, 2, 1.0)], ("gyro_y", "k*r where that changes slowly")),
+        ("imu_misalignment", [(3, 4, 1.0), (4, 3, -1.0)], ("accel_x", "k*ay where that changes slowly")),
+    ],
+)
+def test_it_is_told_of_the_channel_that_shows_it(
+    effect: str, leaks: list[tuple[int, int, float]], told: tuple[str, str]
+) -> None:
+    for lasting in (False, True):
+
+        def more(one: Drive, lasting: bool = lasting) -> None:
+            shown = one.measured.copy()
+            for channel, other, sign in leaks:
+                course = shown[:, other].copy()
+                course = low_passed(course, filter_kernel(4.0)) if lasting else course
+                one.measured[:, channel] += 0.05 * sign * course
+
+        one = drive({}, SPEED, STEER, change=more)
+        rows = rows_of(one)
+        fit = fitted(one, rows, nothing(), (effect,), TOLERANCE)
+        shapes = [(shape.channel, shape.shape) for shape in differs_by_pace(one, rows, fit).values()]
+        assert shapes == ([told] if lasting else [])
+
+
+def test_what_is_another_number_for_slow_motion_is_said_without_the_name() -> None:
+    name, none = (answered(found(shown(-0.05, quick))) for quick in (-0.05, 0.0))
+    assert [cause.effect for cause in name.causes] == ["accel_scale"]
+    assert "accel_scale" not in [cause.effect for cause in none.causes]
