@@ -16,6 +16,7 @@ from dsz_daemon.diagnose.verdict.level import (
     curve_of_an_axle,
     driven_by_other_wheels,
     level_of,
+    off_together,
     turned_by_another,
 )
 from dsz_daemon.runs.diagnose import words
@@ -121,6 +122,33 @@ def test_what_gains_little_beside_wheels_that_turn_alike_is_how_they_scrub(
 ) -> None:
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=tuple(gains)), gains=gains)
     assert curve_of_an_axle(search) == names
+
+
+@pytest.mark.parametrize(
+    ("level", "off"),
+    [
+        ({"gyro_z": 2.9, "accel_y": 2.3, "accel_x": 0.9}, ["gyro_z", "accel_y"]),
+        ({"accel_x": 2.1, "accel_y": 2.1}, ["accel_x", "accel_y"]),
+        # One may be off by its own sensor, and bumps or wheels are no motion in the plane.
+        ({"accel_y": 2.9, "gyro_z": 1.9}, []),
+        ({"accel_y": 2.9, "accel_z": 2.9, "gyro_y": 2.9, "wheel_speed_fl": 2.9}, []),
+        ({}, []),
+    ],
+)
+def test_what_two_channels_of_the_motion_in_the_plane_show_is_something(
+    monkeypatch: pytest.MonkeyPatch, level: dict[str, float], off: list[str]
+) -> None:
+    """Where nothing is said of it a recording is not consistent with the simulation."""
+    assert off_together(level) == off
+    search = found(drive({}, CITY_V, CITY_STEER))
+    assert answered(search).verdict == "consistent"
+    there = level_of(search) | level
+    monkeypatch.setattr(answer, "level_of", lambda _: there)
+    told = answered(search)
+    assert (told.verdict, told.causes, told.unlisted) == ("unexplained" if off else "consistent", [], [])
+    # With a name what is left has to be more.
+    named = found(drive({"gyro_scale.x": 0.05, "gyro_scale.z": 0.05}, CITY_V, CITY_STEER))
+    assert answered(named).verdict == "explained"
 
 
 @pytest.mark.parametrize(

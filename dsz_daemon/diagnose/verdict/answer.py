@@ -29,6 +29,7 @@ from dsz_daemon.diagnose.verdict.level import (
     doubt_of,
     driven_by_other_wheels,
     level_of,
+    off_together,
     turned_by_another,
     unexplained_of,
     verdict,
@@ -100,6 +101,8 @@ def answered(
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
+    # Where nothing is said, less is enough to say that something is there.
+    unexplained = unexplained if causes or shapes else [*unexplained, *off_together(level)]
     anything = causes or errors or shapes or unexplained
     offsets = offsets_of(found, [cause.effect for cause in causes])
     return Diagnosis(
