@@ -100,7 +100,7 @@ def test_text_of_a_recording_stays_text(tmp_path: Path) -> None:
 
 def test_150_s_take_less_than_3_megabytes_beside_the_library() -> None:
     result = diagnosis(causes=[cause("road_bank")])
-    assert len(diagnosis_page(result, drive(150.0), "Long").encode()) - len(plotly().source.encode()) < 3e6
+    assert len(diagnosis_page(result, drive(150.0), "Long").encode()) - len(plotly().encode()) < 3e6
 
 
 # What may be missing

@@ -6,7 +6,10 @@ The run whose numbers were computed by hand is in `report_cases`.
 
 from __future__ import annotations
 
+import base64
+import importlib
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -19,6 +22,7 @@ from dsz_daemon.report import write_report
 from dsz_daemon.report.channel_figures import channel_figure
 from dsz_daemon.report.drive_figures import attitude_figure, drive_figure, kinematics_figure, model_figure
 from dsz_daemon.report.markup import data_block, script
+from dsz_daemon.report.offline_page import figure_json
 from dsz_daemon.report.results import channel_result
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -216,7 +220,7 @@ def test_a_folder_that_cannot_be_written_is_a_machine_error(tmp_path: Path) -> N
 
 
 def test_without_plotly_the_message_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
     with pytest.raises(MachineError, match=r"pip install dsz-daemon\[desk\]"):
         write_report({}, {}, tmp_path / "report.html")
 
@@ -230,3 +234,33 @@ def test_data_cannot_end_its_script_either() -> None:
     text = data_block("data-x", json.dumps({"a": "</script>"})).text or ""
     assert "<" not in text
     assert json.loads(text) == {"a": "</script>"}
+
+
+def test_a_figure_is_what_plotlys_classes_make_of_it() -> None:
+    """Columns by their bytes, what is not finite as nothing, and no number that plotly.js does not know."""
+    column = np.array([0.5, np.nan, -2.0])
+    figure = {
+        "data": [
+            {
+                "type": "scatter",
+                "x": column,
+                "y": column.astype(np.float32),
+                "customdata": np.arange(6.0).reshape(3, 2),
+            },
+            {"type": "scatter", "x": np.array([1, 2**40]), "y": [1.0, math.inf], "text": np.array(["a", "b"])},
+            {"type": "scatter", "x": (np.float32(0.5), np.int64(3)), "y": np.array([True, False])},
+        ],
+        "layout": {"xaxis": {"range": [0.0, math.nan]}, "showlegend": False},
+    }
+    mine = json.loads(figure_json(figure))
+    for trace, name, values in ((0, "x", column), (0, "y", column)):
+        typed = mine["data"][trace][name]
+        assert typed["dtype"] == {"x": "f8", "y": "f4"}[name]
+        np.testing.assert_array_equal(np.frombuffer(base64.b64decode(typed["bdata"]), f"<{typed['dtype']}"), values)
+    # What is in the page else is what plotly's encoder writes.
+    checked = json.loads(importlib.import_module("plotly.io").to_json(figure, validate=False, engine="json"))
+    for part in mine["data"][0], checked["data"][0]:
+        del part["x"], part["y"]
+    assert mine == checked
+    swapped = column.astype(">f8")
+    assert json.loads(figure_json({"data": [{"x": swapped}]})) == json.loads(figure_json({"data": [{"x": column}]}))

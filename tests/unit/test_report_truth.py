@@ -272,7 +272,7 @@ def test_without_plotly_the_rest_is_written_and_the_summary_says_what_is_missing
     short: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "drive.html").write_text("of an earlier drive")
-    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
     summary = simulate(short, tmp_path, 3)
     assert summary["picture"] is None
     assert not (tmp_path / "drive.html").exists()
