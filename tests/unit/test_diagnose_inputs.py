@@ -90,6 +90,40 @@ def test_a_steerings_steps_are_noise_too() -> None:
     assert 0.2 * one.steps[2] < np.std(one.noise[INSIDE, 2]) < 1.5 * one.steps[2]
 
 
+def stepped(step_rad: float, gyro_rps: float = 0.0) -> Drive:
+    """A hand that sways twice a second as it turns, told in such steps, and a yaw gyro with so much noise."""
+    speed, hand = np.full(N, 15.0), 0.8 * np.sin(0.5 * T) + 0.1 * np.sin(9.0 * T)
+    signals = {wheel: Signal(T_NS, speed) for wheel in WHEEL_SPEEDS}
+    signals |= {name: Signal(T_NS, np.zeros(N)) for name in IMU_CHANNELS}
+    signals["gyro_z"] = Signal(T_NS, gyro_rps * np.random.default_rng(5).standard_normal(N))
+    told = step_rad * np.round(hand / step_rad) if step_rad > 0.0 else hand
+    return drive_of(recorded(signals | {"steering_wheel_angle": Signal(T_NS, told)}, RATIO), TUCSON, RATIO)
+
+
+@pytest.mark.parametrize(("name", "value"), [("yaw_inertia__share", 1.0), ("steering_lag__time_constant_s", 0.2)])
+def test_what_a_slower_car_takes_off_coarse_steps_is_no_gain(name: str, value: float) -> None:
+    """Counted on a prediction by a hand in steps of three degrees less that by the hand itself."""
+    coarse, fine = stepped(math.radians(3.0)), stepped(0.0)
+    slow = with_(**{name: value})
+    power = [
+        np.var((predicted(coarse, x, flat(N)) - predicted(fine, x, flat(N)))[INSIDE, 2]) for x in (nothing(), slow)
+    ]
+    taken = smoothed_away(coarse, slow)
+    assert power[0] > 1.1 * power[1]
+    # Another rounding, of the same size.
+    assert 0.3 * (power[0] - power[1]) < taken[2] < 3.0 * (power[0] - power[1])
+    assert not np.delete(taken, [2, 4]).any()
+    # What answers at once, or more quickly, takes nothing off.
+    assert not smoothed_away(coarse, nothing()).any()
+    assert not smoothed_away(coarse, with_(steering_ratio__scale=0.1)).any()
+    if name == "yaw_inertia__share":
+        assert smoothed_away(coarse, with_(yaw_inertia__share=-0.5))[2] == 0.0
+    # Nor is it asked where other noise is what counts.
+    assert not smoothed_away(stepped(math.radians(3.0), 0.1), slow).any()
+    assert np.all(smoothed_away(fine, slow) <= 1e-3 * taken)
+    assert not smoothed_away(fine._replace(recording=fine.recording._replace(rounding_rad=None)), slow).any()
+
+
 @pytest.mark.parametrize(("times", "is_told"), [(2.0, True), (4.5, False)])
 def test_a_car_that_turns_much_more_than_a_neutral_one_tells_nothing(times: float, is_told: bool) -> None:
     """Close to the speed at which it spins a car turns 1/(1 - (v/v_c)^2) as much."""

@@ -11,8 +11,9 @@ import math
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.recordings.recording import filter_kernel, filtered
-from dsz_daemon.diagnose.residuals.comparison import EVERY
+from dsz_daemon.diagnose.residuals.comparison import EVERY, noises
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats, nothing
@@ -23,6 +24,13 @@ from dsz_daemon.signals import IMU_CHANNELS
 
 # A stable car turns no more than so many times as much as one that steers neutrally, v/L: more is a car that spins.
 _YAW, _MOST_TURNS = 2, 3.0
+_SHOW_A_TURN = [_YAW, 4]
+# What makes a car answer its steering more slowly; where rounding is so much of the yaw rate's noise (power), that is
+# less of it: a hand wheel in steps of 1.5 degrees, ten times a second, was twice the yaw inertia.
+_SLOWER = [
+    INDEX[name] for name in ("yaw_inertia.share", "tyre_relaxation.relaxation_length_m", "steering_lag.time_constant_s")
+]
+_COARSE = 0.25
 _IMU = len(IMU_CHANNELS)
 # Which noise it is makes no difference.
 _RNG_SEED = 0
@@ -77,15 +85,34 @@ def with_noise(drive: Drive) -> Drive:
 
 
 def smoothed_away(drive: Drive, x: Floats) -> Floats:
-    """Power (13,) of the inputs' noise that the IMU's delay and bandwidth take off a prediction.
+    """Power (13,) of the inputs' noise that the IMU's delay and bandwidth take off a prediction, and a slower car.
 
     What swings adds to it: that is not taken off what is left, which has less of it than it is thought to have.
     """
-    taken = np.zeros(len(CHANNELS))
+    taken = _by_a_slower_car(drive, x)
     if drive.noise is not None and (after := smoothed(drive.noise, x)) is not drive.noise:
         rows = rolling_rows(drive)
-        taken[:_IMU] = np.maximum(np.mean(drive.noise[rows] ** 2 - after[rows] ** 2, axis=0), 0.0)
+        taken[:_IMU] += np.maximum(np.mean(drive.noise[rows] ** 2 - after[rows] ** 2, axis=0), 0.0)
     return taken
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _by_a_slower_car(drive: Drive, x: Floats) -> Floats:
+    """Power (13,) of what rounding the steering does that a car takes off which answers it more slowly."""
+    rounding_rad, none = drive.recording.rounding_rad, np.zeros(len(CHANNELS))
+    is_coarse = drive.steps[_YAW] ** 2 > _COARSE * np.nan_to_num(noises(drive)[_YAW]) ** 2
+    if rounding_rad is None or not is_coarse or not x[_SLOWER].any():
+        return none
+    as_quick, level = x.copy(), flat(len(drive.steer))
+    as_quick[_SLOWER] = 0.0
+    rounded = drive._replace(steer=drive.steer + np.nan_to_num(rounding_rad[0]))
+    rows = rolling_rows(drive)
+    quick, slow = (
+        np.mean((predicted(rounded, one, level)[rows] - predicted(drive, one, level)[rows]) ** 2, axis=0)
+        for one in (as_quick, x)
+    )
+    none[_SHOW_A_TURN] = np.nan_to_num(np.maximum(quick - slow, 0.0))[_SHOW_A_TURN]
+    return none
 
 
 def rolling_rows(drive: Drive) -> Ints:
