@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from test_diagnose_choices import TOLERANCE, T, drive, found
 
 from dsz_daemon.diagnose.fitting.fit import fitted
-from dsz_daemon.diagnose.recordings.recording import filter_kernel
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
 from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.instruments import low_passed
+from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.paces import differs_by_pace
 
@@ -101,7 +104,28 @@ def test_it_is_told_of_the_channel_that_shows_it(
         assert shapes == ([told] if lasting else [])
 
 
-def test_what_is_another_number_for_slow_motion_is_said_without_the_name() -> None:
-    name, none = (answered(found(shown(-0.05, quick))) for quick in (-0.05, 0.0))
-    assert [cause.effect for cause in name.causes] == ["accel_scale"]
-    assert "accel_scale" not in [cause.effect for cause in none.causes]
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_that_hangs_together_is_no_difference(seed: int) -> None:
+    """It lasts for a second and a half; counted by rows it would be ten spreads, and five times the number."""
+    one = shown(0.01, 0.01)
+    slow = lfilter([1.0], [1.0, -np.exp(-DT_S / 1.5)], np.random.default_rng(seed).standard_normal(len(T)))
+    one.measured[:, ACROSS] += 0.03 * slow / np.std(slow)
+    rows = rows_of(one)
+    assert differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE)) == {}
+
+
+def test_how_sure_a_difference_is_is_told_by_what_it_leaves() -> None:
+    """What is left has the difference in it, which hangs together: by that it would be told half as well."""
+    one = shown(0.0, 0.01)
+    rows = rows_of(one)
+    told = differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE))["accel_scale"]
+    assert abs(told.coefficient.value) > 10.0 * told.coefficient.std
+
+
+def test_what_is_another_number_for_slow_motion_is_said_without_the_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(shown(-0.05, -0.05))
+    assert [cause.effect for cause in answered(search).causes] == ["accel_scale"]
+    shape = Shape("accel_y", "k*ay where that changes slowly", Coefficient(-0.04, 0.002, "1"), 1.0)
+    monkeypatch.setattr(answer, "differs_by_pace", lambda *_: {"accel_scale": shape})
+    told = answered(search)
+    assert (told.verdict, told.causes, told.unlisted) == ("unexplained", [], [shape])
