@@ -124,6 +124,16 @@ def test_what_a_slower_car_takes_off_coarse_steps_is_no_gain(name: str, value: f
     assert not smoothed_away(fine._replace(recording=fine.recording._replace(rounding_rad=None)), slow).any()
 
 
+def test_a_slow_sensor_of_a_slower_car_takes_off_what_both_do() -> None:
+    one, slow = stepped(math.radians(3.0)), {"sensor_bandwidth__time_constant_s": 0.1}
+    car, sensor = smoothed_away(one, with_(yaw_inertia__share=1.0)), smoothed_away(one, with_(**slow))
+    assert min(car[2], sensor[2]) > 0.0
+    both = smoothed_away(one, with_(yaw_inertia__share=1.0, **slow))
+    # Behind a slow sensor there is less for the car to take off.
+    assert np.all(both[[2, 4]] > sensor[[2, 4]])
+    assert np.all(both[[2, 4]] < (car + sensor)[[2, 4]])
+
+
 @pytest.mark.parametrize(("times", "is_told"), [(2.0, True), (4.5, False)])
 def test_a_car_that_turns_much_more_than_a_neutral_one_tells_nothing(times: float, is_told: bool) -> None:
     """Close to the speed at which it spins a car turns 1/(1 - (v/v_c)^2) as much."""
