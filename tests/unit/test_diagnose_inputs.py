@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from core_cases import TUCSON
 
-from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained
 from dsz_daemon.diagnose.recordings.recording import DT_S, FILTER_S, Recording, recorded
 from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.drives import drive_of
 from dsz_daemon.diagnose.residuals.inputs import smoothed_away
+from dsz_daemon.diagnose.shapes.unlisted import as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
@@ -122,6 +123,15 @@ def test_what_a_slower_car_takes_off_coarse_steps_is_no_gain(name: str, value: f
     assert not smoothed_away(stepped(math.radians(3.0), 0.1), slow).any()
     assert np.all(smoothed_away(fine, slow) <= 1e-3 * taken)
     assert not smoothed_away(fine._replace(recording=fine.recording._replace(rounding_rad=None)), slow).any()
+
+
+def test_a_model_without_the_shapes_of_a_larger_one_is_asked_as_well() -> None:
+    """It is held against one whose drive knows a shape more: frames in any order of a car whose steering is coarse."""
+    one, slow = stepped(math.radians(3.0)), with_(yaw_inertia__share=1.0)
+    shape = as_effect("gyro_z", "k*r*|r|", np.ones(N), "s/rad", 1.0)
+    larger = one._replace(vocabulary=vocabulary((shape,)))
+    assert len(larger.vocabulary.columns) > len(slow)
+    np.testing.assert_array_equal(smoothed_away(larger, slow), smoothed_away(one, slow))
 
 
 def test_a_slow_sensor_of_a_slower_car_takes_off_what_both_do() -> None:

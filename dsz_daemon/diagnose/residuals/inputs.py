@@ -103,6 +103,8 @@ def _by_a_slower_car(drive: Drive, x: Floats) -> Floats:
     is_coarse = drive.steps[_YAW] ** 2 > _COARSE * np.nan_to_num(noises(drive)[_YAW]) ** 2
     if rounding_rad is None or not is_coarse or not x[_SLOWER].any():
         return none
+    # A smaller model has no numbers of the shapes that a larger one's vocabulary has.
+    x = np.pad(x, (0, len(drive.vocabulary.columns) - len(x)))
     as_quick, level = x.copy(), flat(len(drive.steer))
     as_quick[_SLOWER] = 0.0
     rounded = drive._replace(steer=drive.steer + np.nan_to_num(rounding_rad[0]))
