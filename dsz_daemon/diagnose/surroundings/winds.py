@@ -54,6 +54,8 @@ def with_wind(drive: Drive, x: Floats, road: Profiles, rounds: int = ROUNDS) -> 
     return wind_and_shown(drive, x, road, rounds)[0]
 
 
+# Pushed where a push spins it, a car may go anywhere: then more is left than before, and that round is none.
+@np.errstate(over="ignore", invalid="ignore")
 def wind_and_shown(drive: Drive, x: Floats, road: Profiles, rounds: int) -> tuple[Profiles, Floats | None]:
     """The road with that side force, and what is predicted on it (n, 13), where the last round has looked at that.
 
