@@ -73,6 +73,14 @@ def test_where_a_car_spins_no_wind_has_pushed(monkeypatch: pytest.MonkeyPatch) -
     assert wind_ahead_m(one, nothing(), calm, ("side_wind",)) == 0.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_push_that_spins_a_car_is_none_and_warns_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of a car that goes anywhere has no square; no wind is felt by that."""
+    one, x = blown_on(0.4)
+    monkeypatch.setattr(winds, "predicted", lambda *_: np.full((N, 13), 1e200))
+    assert not winds.with_wind(one, x, flat(N)).side_n.any()
+
+
 def test_a_wind_is_tried_from_where_the_yaw_rate_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = blown_on(0.4)
     rows = rows_of(one)

@@ -99,10 +99,10 @@ def smoothed_away(drive: Drive, x: Floats) -> Floats:
 @np.errstate(over="ignore", invalid="ignore")
 def _by_a_slower_car(drive: Drive, x: Floats) -> Floats:
     """Power (13,) of what rounding the steering does that a car takes off which answers it more slowly."""
-    rounding_rad, none = drive.recording.rounding_rad, np.zeros(len(CHANNELS))
+    rounding_rad, taken = drive.recording.rounding_rad, np.zeros(len(CHANNELS))
     is_coarse = drive.steps[_YAW] ** 2 > _COARSE * np.nan_to_num(noises(drive)[_YAW]) ** 2
     if rounding_rad is None or not is_coarse or not x[_SLOWER].any():
-        return none
+        return taken
     # A smaller model has no numbers of the shapes that a larger one's vocabulary has.
     x = np.pad(x, (0, len(drive.vocabulary.columns) - len(x)))
     as_quick, level = x.copy(), flat(len(drive.steer))
@@ -113,8 +113,8 @@ def _by_a_slower_car(drive: Drive, x: Floats) -> Floats:
         np.mean((predicted(rounded, one, level)[rows] - predicted(drive, one, level)[rows]) ** 2, axis=0)
         for one in (as_quick, x)
     )
-    none[_SHOW_A_TURN] = np.nan_to_num(np.maximum(quick - slow, 0.0))[_SHOW_A_TURN]
-    return none
+    taken[_SHOW_A_TURN] = np.nan_to_num(np.maximum(quick - slow, 0.0))[_SHOW_A_TURN]
+    return taken
 
 
 def rolling_rows(drive: Drive) -> Ints:
