@@ -41,7 +41,7 @@ _OF_A_CURVE = 0.2
 # three had one, arms beside wheels that were exchanged or copied, and a delay of all that were read in turn.
 _OTHER_WHEELS, _WHEELS_OFF = 8.0, 2
 # And radii are what makes wheels right: none that stay as they are leave two off by more than this. Nor does a track
-# any: a differential that holds wheels together left two of them 2.6 times off, the one track that was another 0.9 at most.
+# any: a differential that holds wheels together left two of them 2.6 times off, the one track that was another 0.9.
 _OTHER_RADII, _OTHER_TRACKS = 5.0, 2.0
 # Nor is an IMU late, or slow, that is alone and leaves both that show how a car turns as far off: one that shows each
 # reading for a quarter of a second left them 2.3 and 2.8 times, right ones 1.4 at most.
