@@ -33,8 +33,8 @@ SLOWLY = "where that changes slowly"
 _SLOW = filter_kernel(4.0 / EVERY)
 # Slow motion shows another number by so much of it, and by so many spreads of what hangs together: of 62 right ones of
 # four simulators by other authors those that were told by 1.5 spreads or more were off by 0.12 of themselves at most;
-# an accelerometer behind a filter that takes what lasts for a tilt was by 1.2 of itself, and seven spreads. Set with these
-# in view.
+# an accelerometer behind a filter that takes what lasts for a tilt was by 1.2 of itself, and seven spreads. Set with
+# these in view.
 _OF_ITSELF, _SPREADS = 0.5, 3.0
 _NO_SLOPE = 1e-12
 
