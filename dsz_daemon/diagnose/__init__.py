@@ -33,8 +33,7 @@ from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.another_car import with_own_numbers
-from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.goodness import goodness
+from dsz_daemon.diagnose.verdict.answer import answered, with_nothing_said
 from dsz_daemon.diagnose.verdict.said import Diagnosis
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
@@ -133,9 +132,7 @@ def diagnose(
     beside = [*single, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
-        # What was fitted and is not said has improved no fit that anybody could have.
-        found = found._replace(best=found.nominal)
-        said = said._replace(fit=goodness(found))
+        said, found = with_nothing_said(said, found)
     return Diagnosed(said, found)
 
 

@@ -283,6 +283,21 @@ def test_of_what_turns_a_car_alike_the_first_is_what_it_gains(
 
 
 @pytest.mark.parametrize(
+    ("limit", "may_be_none", "first"),
+    # A wind took what tyres left that hold no more, by half of what their limit gained, since that was 1.9 spreads.
+    [(118.0, False, "tyre_saturation"), (118.0, True, "side_wind"), (99.0, False, "side_wind")],
+)
+def test_a_limit_of_grip_that_surely_gains_the_most_comes_first_however_low_it_is(
+    monkeypatch: pytest.MonkeyPatch, limit: float, may_be_none: bool, first: str
+) -> None:
+    monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect == "side_wind")
+    monkeypatch.setattr(trials_module, "is_rather_something", lambda *_: not may_be_none)
+    none: Any = None
+    ranked = [Step("tyre_saturation", limit, none), Step("side_wind", 55.9, none)]
+    assert enough_first(none, none, ranked, lambda _: 5.0)[0].effect == first
+
+
+@pytest.mark.parametrize(
     ("gains", "effects", "tried"),
     [
         ({"low_friction": [60.0], "tyre_saturation": [700.0]}, (), ["low_friction", "tyre_saturation"]),

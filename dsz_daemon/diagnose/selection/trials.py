@@ -282,9 +282,9 @@ def enough_first(
     # How low a limit of grip is its curve leaves open: one for a while is told no better than one all the way.
     told |= GRIP if told & GRIP else set()
     told |= _weighs_by_its_turn(drive, best, gaining)
-    # How much of a load or a compliance is the tyres' leaves open, within what these may be off, not whether there is
-    # one: where something surely turns the car otherwise, the first of those that do is what it gains.
-    turning = [step for step in gaining if step.effect in SAME_TURN and step.gain > _SURELY_TURNS]
+    # How much of a load or a compliance is the tyres' leaves open, within what these may be off, and how low a limit is
+    # its curve; not whether there is one: where something surely turns the car otherwise, the first is what it gains.
+    turning = [step for step in gaining if step.effect in SAME_TURN | GRIP and step.gain > _SURELY_TURNS]
     tyres = next((step.fit for step in turning if step.effect == "cornering_stiffness"), None)
     told |= {step.effect for step in turning if is_rather_something(drive, step.fit, step.effect, tyres)}
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
 from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, HIDDEN_BY_STEPS, STEPS
 from dsz_daemon.diagnose.faults.wiring import AxisFault
@@ -118,6 +119,25 @@ def answered(
         same_as_offsets({name: v for name, (v, _) in offsets.items()}),
         same_as_slip(found.drive, found.rows) if _names_slip_alone(causes) else [],
     )
+
+
+def with_nothing_said(said: Diagnosis, found: Search) -> tuple[Diagnosis, Search]:
+    """What is said, and the search, where neither a cause nor a number nor a shape is.
+
+    What was fitted and is not said has improved no fit that anybody could have, and explains nothing: where the nominal
+    simulation is off, it is `unexplained`. How a car is drawn is no physics left out, whatever that takes off.
+    """
+    alone = found._replace(best=found.nominal)
+    said = said._replace(fit=goodness(alone))
+    if set(found.best.effects) <= {OUTER_LOAD}:
+        return said, alone
+    level = level_of(alone)
+    off = {*unexplained_of(alone, level), *off_together(level)}
+    if not off:
+        return said, alone
+    nominal = found.nominal
+    places = located(found.drive, found.rows, nominal.left, _usual(found), nominal.per_row)
+    return said._replace(verdict=verdict(False, True), level=level, located=said.located or places), alone
 
 
 def _names_slip_alone(causes: Sequence[Cause]) -> bool:
