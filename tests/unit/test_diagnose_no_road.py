@@ -92,10 +92,13 @@ def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) ->
         (0.02 * np.tanh((T - 60.0) / 5.0), False),
         (0.02 * np.exp(-(((T - 60.0) / 6.0) ** 2)), False),
         (0.02 * np.exp(-(((T - 31.0) / 2.5) ** 2)), False),
+        # Up, down and up again by no more than the car does is one; by as much besides what it does it takes once more.
+        (0.02 * np.cos(2.5 * np.pi * T / T[-1]), True),
+        (0.02 * np.cos(2.5 * np.pi * T / T[-1]) + 0.0035 * (CITY_V - np.mean(CITY_V)), False),
         # Of a road what a car does tells most where it is fitted to it, and nothing of the next part of the way.
         (MUCH_LIKE_THE_SPEED, True),
     ],
-    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one", "by chance"],
+    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one", "a dale", "a dale as fast", "by chance"],
 )
 def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray, is_a_road: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)

@@ -27,6 +27,8 @@ _MOVED, _PITCH_RATE, _YAW_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, 
 # the way that the course has not seen; and so often it goes from far on one side, in parts of its rms, to far on the
 # other. What follows a car had 0.02 at most, of three roads one 0.58, of which 0.85 was told where all of it was seen.
 _BY_ITSELF, _PARTS, _LAGS_S, _FAR, _SWINGS, _FEWEST = 0.5, 5, (4.0, 15.0), 0.7, 3, 30
+# There and back is enough where what the car does tells next to nothing of it (a motorway's hills: 0.09).
+_HARDLY, _BACK = 0.2, 2
 _FLAT_ROADS, _FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
 # A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
 _OVER_S, _OF_NOISE = 2.0, 0.5
@@ -147,7 +149,8 @@ def goes_to_and_fro(drive: Drive, fit: Fit) -> bool:
     told = told_by(does[there], tilt, np.arange(len(tilt)) * _PARTS // len(tilt))
     rms = float(np.sqrt(np.mean(tilt**2)))
     far = np.sign(tilt[np.abs(tilt) > _FAR * rms])
-    return 1.0 - told > _BY_ITSELF and bool(np.count_nonzero(np.diff(far)) >= _SWINGS)
+    swings = _SWINGS if told > _HARDLY else _BACK
+    return 1.0 - told > _BY_ITSELF and bool(np.count_nonzero(np.diff(far)) >= swings)
 
 
 def _lagged(values: Floats, lag_rows: float) -> Floats:
