@@ -149,6 +149,26 @@ def test_a_quiet_channel_gains_where_what_hung_together_does_no_more(plain: tupl
     assert gain(19.0, 9.9) == pytest.approx(0.0)
 
 
+def test_what_a_larger_model_has_wrong_counts_as_often_as_it_did(plain: tuple[Drive, Any, Fit]) -> None:
+    """Play took back a gyro's dead zone; the accelerometer, which had been noise, was all of a piece then."""
+    one, _, fit = plain
+    white, right, wrong = left_by(one, fit, YAW, 3.0), left_by(one, fit, YAW, 3.0), left_by(one, fit, YAW, 9.0)
+
+    def gain(larger: Fit, before_rows: float, after_rows: float) -> float:
+        hung, hangs = fit.per_row.copy(), fit.per_row.copy()
+        hung[YAW], hangs[YAW] = before_rows, after_rows
+        return gained(one, white._replace(per_row=hung), larger._replace(per_row=hangs))
+
+    assert gain(wrong, 5.0, 60.0) == pytest.approx(gain(wrong, 5.0, 5.0))
+    assert gain(wrong, 60.0, 60.0) > 0.2 * gain(wrong, 5.0, 5.0)
+    assert gain(wrong, 60.0, 5.0) == pytest.approx(gain(wrong, 5.0, 5.0))
+    # What it has right is divided by what that leaves.
+    better = left_by(one, fit, YAW, 1.0)
+    assert gain(better, 5.0, 60.0) == pytest.approx(gain(better, 60.0, 60.0))
+    assert 0.0 < gain(better, 5.0, 60.0) < 0.2 * gain(better, 5.0, 5.0)
+    assert gain(right, 5.0, 60.0) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_wind_is_thought_of_where_what_is_left_across_hangs_together(plain: tuple[Drive, Any, Fit]) -> None:
     one, rows, fit = plain
     rows_alike = fit.per_row.copy()

@@ -9,10 +9,11 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S
-from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
 from dsz_daemon.diagnose.selection import guesses as guesses_module
 from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.prediction import predicted
 
 ICE = "low_friction"
 
@@ -45,3 +46,23 @@ def test_a_stretch_that_gains_about_as_much_is_begun_with_too(
     starts = [x for effect, x in guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)) if effect == ICE]
     moments = [INDEX[f"{ICE}.start_s"], INDEX[f"{ICE}.end_s"]]
     assert [tuple(np.round(x[moments], 1)) for x in starts] == begun
+
+
+@pytest.mark.parametrize(("softer", "beside"), [(0.0, 0.0), (-0.03, 0.0), (-0.008, -0.008), (0.03, 0.03)])
+def test_a_stretch_is_looked_for_beside_configured_tyres_where_softer_ones_have_some_of_it(
+    softer: float, beside: float
+) -> None:
+    """A stretch that holds 0.6 for a while: tyres that are 3 % softer all the way have taken what it does."""
+    slippery = {f"{ICE}.inverse_square": 0.6**-2, f"{ICE}.sharpness": 1.0, f"{ICE}.start_s": 20.0, f"{ICE}.end_s": 45.0}
+    one = drive(slippery, CITY_V, 1.3 * CITY_STEER)
+    rows = rows_of(one)
+    before = fitted(one, rows, nothing(), (), {})
+    x = before.x.copy()
+    for axle in ("front", "rear"):
+        x[INDEX[f"{axle}_cornering_stiffness_n_per_rad"]] = softer
+    # As if these were what fits best: what is left is that, and of the true tyres so much more.
+    there = residual(rows, predicted(one, x, before.road))
+    start = dict(guesses(one, rows, before._replace(x=x, left=there)))[ICE]
+    assert 15.0 < start[INDEX[f"{ICE}.start_s"]] < start[INDEX[f"{ICE}.end_s"]] < 50.0
+    # With the tyres beside which it is seen the best.
+    assert start[INDEX["rear_cornering_stiffness_n_per_rad"]] == beside

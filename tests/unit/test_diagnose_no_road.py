@@ -15,6 +15,7 @@ from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.recordings.recording import filter_kernel
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
 from dsz_daemon.diagnose.selection import swaps as swaps_module
+from dsz_daemon.diagnose.selection import tilts
 from dsz_daemon.diagnose.selection.plausible import is_implausible, weighs_nothing
 from dsz_daemon.diagnose.selection.swaps import in_its_place
 from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
@@ -71,6 +72,13 @@ def test_what_tips_the_imu_and_does_not_move_the_car_is_no_road(road: str, of_th
         assert not is_implausible(one, rows_of(one), fit, road)
 
 
+def test_turns_are_counted_by_what_a_course_goes_back() -> None:
+    zigzag = np.array([0.0, 3.0, 1.0, 2.0, -2.0, 5.0, 5.0])
+    for course in (zigzag, -zigzag, zigzag + 7.0):
+        assert [tilts._turns(course, least) for least in (1.0, 2.0, 2.5, 5.0, 6.0, 8.0)] == [4, 2, 2, 1, 0, 0]
+    assert tilts._turns(np.zeros(5), 0.1) == 0
+
+
 @pytest.mark.parametrize("of_the_car", [0.0, 1.0])
 def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) -> None:
     """How it is drawn is found, says the same of whether a car follows it, and a hill and a dale are a road."""
@@ -95,10 +103,27 @@ def test_a_road_that_is_drawn_as_a_tilt_alone_lifts_no_car(of_the_car: float) ->
         # Up, down and up again by no more than the car does is one; by as much besides what it does it takes once more.
         (0.02 * np.cos(2.5 * np.pi * T / T[-1]), True),
         (0.02 * np.cos(2.5 * np.pi * T / T[-1]) + 0.0035 * (CITY_V - np.mean(CITY_V)), False),
+        # Nor is it a body that goes by 5 degrees, and back and forth, though it climbs as the car slows.
+        (0.008 * (CITY_V - np.mean(CITY_V)) + 0.018 * np.sin(12.0 * np.pi * T / T[-1]), True),
+        (0.011 * (CITY_V - np.mean(CITY_V)) + 0.001 * np.sin(12.0 * np.pi * T / T[-1]), False),
+        (0.004 * (CITY_V - np.mean(CITY_V)) + 0.009 * np.sin(12.0 * np.pi * T / T[-1]), False),
         # Of a road what a car does tells most where it is fitted to it, and nothing of the next part of the way.
         (MUCH_LIKE_THE_SPEED, True),
     ],
-    ids=["hills", "as fast", "as it speeds up", "once", "a hump", "a short one", "a dale", "a dale as fast", "by chance"],
+    ids=[
+        "hills",
+        "as fast",
+        "as it speeds up",
+        "once",
+        "a hump",
+        "a short one",
+        "a dale",
+        "as fast, too",
+        "far",
+        "as fast as far",
+        "less far",
+        "by chance",
+    ],
 )
 def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray, is_a_road: bool) -> None:
     one = drive({}, CITY_V, CITY_STEER)

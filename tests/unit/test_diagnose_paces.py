@@ -65,6 +65,49 @@ def test_a_scale_is_one_for_what_lasts_and_what_does_not(slow: float, quick: flo
         assert shape.coefficient.value == pytest.approx(slow - quick, rel=0.3)
 
 
+@pytest.mark.parametrize(
+    ("little", "much", "is_none"),
+    [
+        (0.05, 0.05, False),
+        (0.045, 0.055, False),
+        # A bracket that tips in hard bends, either way, and one that only bends up to there.
+        (0.0, 0.05, True),
+        (0.0, -0.05, True),
+        (0.05, 0.0, True),
+    ],
+)
+def test_a_scale_is_one_for_much_and_for_little(little: float, much: float, is_none: bool) -> None:
+    def more(one: Drive) -> None:
+        course = one.measured[:, ACROSS].copy()
+        is_much = np.abs(course) > 0.5 * np.quantile(np.abs(course), 0.98)
+        one.measured[:, ACROSS] += np.where(is_much, much, little) * course
+
+    one = drive({}, SPEED, STEER, change=more)
+    rows = rows_of(one)
+    told = differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE))
+    assert set(told) == ({"accel_scale"} if is_none else set())
+    for shape in told.values():
+        assert (shape.channel, shape.shape) == ("accel_y", "k*ay where that is much")
+        assert np.sign(shape.coefficient.value) == np.sign(much - little)
+
+
+@pytest.mark.parametrize(("before", "after", "is_none"), [(0.05, 0.05, False), (0.0, 0.05, True), (0.05, 0.0, True)])
+def test_a_scale_is_one_before_and_later(before: float, after: float, is_none: bool) -> None:
+    """A load that slides once leans a body from then on, and what it shows of a turn is a leak from then on."""
+
+    def more(one: Drive) -> None:
+        one.measured[:, ACROSS] *= 1.0 + np.where(0.6 * T[-1] < T, after, before)
+
+    one = drive({}, SPEED, STEER, change=more)
+    rows = rows_of(one)
+    told = differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE))
+    assert set(told) == ({"accel_scale"} if is_none else set())
+    for shape in told.values():
+        # The first of the quarters that tells.
+        assert shape.shape in {f"k*ay from {rows.at[len(rows.at) * k // 4] * DT_S:.1f} s on" for k in (1, 2, 3)}
+        assert np.sign(shape.coefficient.value) == np.sign(after - before)
+
+
 def test_noise_makes_no_difference_and_other_effects_have_none() -> None:
     """Of a scale that is next to nothing any noise is a good part."""
     one = shown(1e-4, 1e-4)

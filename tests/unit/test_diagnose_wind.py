@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.selection import trials
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.selection.smaller import worth_now
-from dsz_daemon.diagnose.selection.starts import starts_of
+from dsz_daemon.diagnose.selection.starts import beside_a_wind, starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, two_at_once
 from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -397,6 +397,28 @@ def test_the_noise_of_an_accelerometer_is_in_no_winds_rms(share: float) -> None:
     assert std < (0.15 if share > 0.3 else 4.0) * true_n
 
 
+@pytest.mark.parametrize(("ahead_m", "arm_m"), [(0.3, None), (-0.3, 0.1)])
+def test_a_winds_rms_is_no_surer_than_its_arm(ahead_m: float, arm_m: float | None) -> None:
+    """Close to where a push turns no car its strength is hardly told."""
+    one, x = blown_on(0.3)
+    rows = rows_of(one)
+    fit = fitted(one, rows, x, ("side_wind",), {}, felt=Felt(one, x, ("side_wind",)))
+    y = fit.x.copy()
+    y[AHEAD] = ahead_m
+    car = one.car
+    forces = car.front_cornering_stiffness_n_per_rad, car.rear_cornering_stiffness_n_per_rad
+    both = forces[0] * car.cg_to_front_axle_m - forces[1] * car.cg_to_rear_axle_m
+    arm_m = ahead_m - both / sum(forces) if arm_m is None else arm_m
+    assert winds.arm_m(one, nothing() * 0.0 + np.where(np.arange(len(y)) == AHEAD, ahead_m, 0.0)) == pytest.approx(
+        arm_m
+    )
+    told = told_roads.rms_told(one, rows, fit._replace(x=y), "side_wind")
+    assert told is not None
+    value, std = told["rms_n"]
+    assert std is not None
+    assert std >= 0.03 / arm_m * value * 0.98
+
+
 def test_a_winds_rms_has_what_is_too_quick_to_be_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 3, 4 and 5 the last; of its power above half is not sure."""
     one, x = blown_on(0.3)
@@ -442,3 +464,26 @@ def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, mon
     # What was refused beside this model is not tried again.
     again = two_at_once(trial, screening, starts, {"side_wind"}, map)
     assert all("side_wind" not in step.fit.effects for step in again)
+
+
+def test_a_wind_and_an_accelerometer_that_drifts_are_found_at_once() -> None:
+    """A wind is felt of what an accelerometer shows, its drift too: beside one it is begun without that."""
+    gusts_n = 900.0 * (np.sin(2.0 * np.pi * T / 8.5 + 1.0) + 0.7 * np.sin(2.0 * np.pi * T / 21.0))
+    drifts = [INDEX["bias_drift.gyro_z"], INDEX["bias_drift.accel_y"]]
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    x[AHEAD] = 0.3
+    x[drifts] = -2e-4, 0.005
+    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=gusts_n)) - predicted(one, nothing(), flat(N))
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    screening = screened(one, rows, nominal, TOLERANCE, map)
+    trial = Trial(one, rows, nominal, TOLERANCE, screening.known)
+    starts = starts_of(one, rows, nominal, screening.names)
+    first = two_at_once(trial, screening, starts, set(), map)[0]
+    assert set(first.fit.effects) == {"side_wind", "bias_drift"}
+    assert first.fit.x[drifts] == pytest.approx(x[drifts], rel=0.3)
+    # As felt of all that the accelerometer shows it is none.
+    wind = next(start for new, start in starts if new == ("side_wind",))
+    assert trial.fit((first.fit.effects, wind)).gain < 10.0 < first.gain
+    # What else there is beside a wind begins where the wind does.
+    assert beside_a_wind(rows, nominal, x, "gyro_scale") is x

@@ -87,6 +87,9 @@ def gained(drive: Drive, smaller: Fit, larger: Fit, per_row: Floats | None = Non
         np.where(count > 0.0, (fit.together[kind] if kind else fit.unseen) + count * smoothed_away(drive, fit.x), 0.0)
         for fit in (smaller, larger)
     )
+    # What hangs together only since the larger model has it wrong says as much against it as it did for the smaller.
+    worse = after.sum(axis=0) > before.sum(axis=0)
+    per_row = np.where(worse, np.minimum(per_row, smaller.per_row), per_row)
     if larger.along is not None and "road_grade" not in smaller.effects and not kind:
         # Nothing else shows this road: what of it other places tell is its evidence.
         count[:, ALONG] = larger.sums.counts[:, ALONG]

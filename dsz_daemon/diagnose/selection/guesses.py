@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from dsz_daemon.diagnose.effects.nuisances import TOLERATED
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.descent import loss_of_rows
 from dsz_daemon.diagnose.fitting.drawings import UNTOLD
@@ -45,6 +46,10 @@ _OF_A_SLIP = [INDEX[f"{SLIP}.{name}"] for name in ("jump_rad", "at_s")]
 _MOMENTS = [INDEX["low_friction.start_s"], INDEX["low_friction.end_s"]]
 # A stretch that gains so much of what the best does may be it.
 _ABOUT = 0.9
+# Stiffnesses within their tolerance; softer by so much they may have given way to a limit.
+_TOLERATED, _SOFTER = [INDEX[parameter.name] for parameter in TOLERATED], 0.01
+# And what it gains over configured ones is so much of what softer ones do at least, whose offsets are fitted as well.
+_OF_THEIR_OWN = 0.5
 # Not 0, so that it is fitted.
 _SOME_SHARPNESS = 0.01
 
@@ -179,29 +184,46 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
     """
     if not (rows.used[:, _YAW].any() or rows.used[:, _ACROSS].any()):
         return []
-    most_of_all, everywhere, stretches = _LEAST, list[tuple[str, Floats]](), list[tuple[float, Floats]]()
+    everywhere, stretches = list[tuple[float, Floats]](), list[tuple[float, Floats]]()
     before = loss_of_rows(best.left, rows, best.scatter)
 
-    def all_the_way(grip: tuple[float, float]) -> tuple[Floats, Floats]:
-        friction, ellipse = grip
-        x = best.x.copy()
+    def loss(x: Floats) -> Floats:
+        return loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+
+    def all_the_way(grip: tuple[Floats, float, float]) -> tuple[Floats, Floats]:
+        tyres, friction, ellipse = grip
+        x = tyres.copy()
         x[INDEX["low_friction.ellipse"]] = ellipse
         x[INDEX["low_friction.inverse_square"]] = friction**-2
         x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
         x[_MOMENTS] = 0.0, len(drive.steer) * DT_S
-        return x, loss_of_rows(residual(rows, predicted(drive, x, best.road)), rows, best.scatter)
+        return x, loss(x)
 
-    for x, after in each(all_the_way, product(_FRICTIONS.tolist(), _ELLIPSES)):
-        gained = before - after - _NOTHING
-        if (of_all := float(np.sum(gained))) > most_of_all:
-            most_of_all, everywhere = of_all, [("tyre_saturation", as_everywhere(best.x, x))]
-        first, last, total = _stretch(gained)
-        if total > _LEAST and (last - first) * ROW_S > SHORTEST_S:
-            x[_MOMENTS] = rows.at[[first, last - 1]] * DT_S
-            stretches.append((total, x))
-    stretches.sort(key=lambda one: -one[0])
+    # What a limit does may be in the stiffnesses so far: beside these none is to be seen.
+    configured = best.x.copy()
+    configured[_TOLERATED] = 0.0
+    for tyres in (best.x, configured) if _given_way(best.x) else (best.x,):
+        elsewhere = before if tyres is best.x else loss(tyres)
+        in_tyres = float(np.sum(before - elsewhere))
+        least = _LEAST - _OF_THEIR_OWN * in_tyres
+        for x, after in each(all_the_way, product((tyres,), _FRICTIONS.tolist(), _ELLIPSES)):
+            gained = elsewhere - after - _NOTHING
+            if (of_all := float(np.sum(gained))) > least:
+                everywhere.append((of_all + in_tyres, as_everywhere(tyres, x)))
+            first, last, total = _stretch(gained)
+            if total > least and (last - first) * ROW_S > SHORTEST_S:
+                x[_MOMENTS] = rows.at[[first, last - 1]] * DT_S
+                stretches.append((total + in_tyres, x))
+    for found in (everywhere, stretches):
+        found.sort(key=lambda one: -one[0])
     others = [one for one in stretches if one[0] > _ABOUT * stretches[0][0] and _are_apart(one[1], stretches[0][1])]
-    return [*everywhere, *(("low_friction", x) for _, x in (*stretches[:1], *others[:1]))]
+    limits = [("tyre_saturation", x) for _, x in everywhere[:1]]
+    return [*limits, *(("low_friction", x) for _, x in (*stretches[:1], *others[:1]))]
+
+
+def _given_way(x: Floats) -> bool:
+    """Whether tyres are softer by so much that a limit of their grip may be in that."""
+    return bool(np.min(x[_TOLERATED]) < -_SOFTER)
 
 
 def _are_apart(one: Floats, other: Floats) -> bool:

@@ -43,7 +43,8 @@ _WHEELS = slice(6, 8)
 
 # A sensor that warms up does so within half a minute to some minutes.
 _FADES_PER_S = (-0.01, 0.008, 0.015, 0.03, 0.06)
-_RATES, _FADES = tuple(INDEX[f"bias_drift.{channel}"] for channel in IMU_CHANNELS), INDEX["bias_drift.fades_per_s"]
+_DRIFT = "bias_drift"
+_RATES, _FADES = tuple(INDEX[f"{_DRIFT}.{channel}"] for channel in IMU_CHANNELS), INDEX[f"{_DRIFT}.fades_per_s"]
 _LEAST_ROWS, _EXACT = 300, 1e-6
 
 
@@ -69,8 +70,8 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
             leaning = best.x.copy()
             leaning[[drive.vocabulary.columns_of(effect)[0], _FLAT_LEANS]] = _SOME_LEAN, UNTOLD
             starts.append(((effect,), leaning))
-    if "bias_drift" in names[:_TRIED]:
-        starts = [(new, _drifting(rows, best) if new == ("bias_drift",) else x) for new, x in starts]
+    if _DRIFT in names[:_TRIED]:
+        starts = [(new, _drifting(rows, best) if new == (_DRIFT,) else x) for new, x in starts]
     if LOAD in names[:_TRIED]:
         # Of nothing on board nothing turns: by one linear step no load does.
         turning = best.x.copy()
@@ -87,6 +88,15 @@ def starts_of(drive: Drive, rows: Rows, best: Fit, names: Sequence[str], each: E
     # Play is guessed one way, and begins the other way as well.
     known = {effects for effects, _ in guessed} - {(PLAY,)}
     return [*guessed, *(start for start in starts if start[0] not in known)]
+
+
+def beside_a_wind(rows: Rows, best: Fit, x: Floats, other: str) -> Floats:
+    """Where to begin with a wind (at `x`) and another effect: one is felt of what an accelerometer drifts by, too."""
+    if other != _DRIFT:
+        return x
+    x = x.copy()
+    x[list(_RATES)] += _drift(rows, best, 0.0)[1]
+    return x
 
 
 def _drifting(rows: Rows, best: Fit) -> Floats:

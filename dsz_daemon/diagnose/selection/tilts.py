@@ -29,6 +29,9 @@ _MOVED, _PITCH_RATE, _YAW_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, 
 _BY_ITSELF, _PARTS, _LAGS_S, _FAR, _SWINGS, _FEWEST = 0.5, 5, (4.0, 15.0), 0.7, 3, 30
 # There and back is enough where what the car does tells next to nothing of it (a motorway's hills: 0.09).
 _HARDLY, _BACK = 0.2, 2
+# Nor is it a body's that goes so far, and turns so often by more than so much of it, if what the car does leaves so
+# much of it: at a steady speed none is tipped by its air, springs or load by 3 degrees, and back.
+_NO_BODY_RAD, _A_TENTH, _OF_THE_RANGE = 0.06, 0.1, 0.15
 _FLAT_ROADS, _FLAT_BENDS = INDEX["flat_roads"], INDEX["flat_bends"]
 # A profile has its gyro's noise, of whose rate means over so long have little: no more than so much of all.
 _OVER_S, _OF_NOISE = 2.0, 0.5
@@ -150,7 +153,24 @@ def goes_to_and_fro(drive: Drive, fit: Fit) -> bool:
     rms = float(np.sqrt(np.mean(tilt**2)))
     far = np.sign(tilt[np.abs(tilt) > _FAR * rms])
     swings = _SWINGS if told > _HARDLY else _BACK
-    return 1.0 - told > _BY_ITSELF and bool(np.count_nonzero(np.diff(far)) >= swings)
+    if 1.0 - told > _BY_ITSELF and np.count_nonzero(np.diff(far)) >= swings:
+        return True
+    low_rad, high_rad = np.quantile(tilt, [0.02, 0.98]).tolist()
+    is_far = high_rad - low_rad > _NO_BODY_RAD and 1.0 - told > _A_TENTH
+    return is_far and _turns(tilt, _OF_THE_RANGE * (high_rad - low_rad)) >= _SWINGS
+
+
+def _turns(course: Floats, least: float) -> int:
+    """How often a course (n,) that went up goes down again by so much at least, or the other way."""
+    turns, up = 0, 0
+    high = low = float(course[0])
+    for value in course.tolist():
+        high, low = max(high, value), min(low, value)
+        if up >= 0 and high - value >= least:
+            turns, up, low = turns + up, -1, value
+        elif up <= 0 and value - low >= least:
+            turns, up, high = turns - up, 1, value
+    return turns
 
 
 def _lagged(values: Floats, lag_rows: float) -> Floats:

@@ -30,7 +30,7 @@ from dsz_daemon.diagnose.selection.plausible import (
     weighs_nothing,
 )
 from dsz_daemon.diagnose.selection.screening import Screening, feels
-from dsz_daemon.diagnose.selection.starts import Start
+from dsz_daemon.diagnose.selection.starts import Start, beside_a_wind
 from dsz_daemon.diagnose.shapes.unlisted import Found, wheel_squares
 from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.simulation.loads import LOAD
@@ -324,7 +324,7 @@ def two_at_once(
     if not off.any():
         return []
     winds = [
-        ((_BLOWN, other), x)
+        ((_BLOWN, other), beside_a_wind(trial.rows, trial.best, x, other))
         for new, x in starts
         if new == (_BLOWN,)
         for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]

@@ -93,6 +93,19 @@ def of_noise_n(drive: Drive, x: Floats, road: Profiles) -> Floats:
     return low_passed(_push_n(car_of(drive, x), noise, rolls_of(drive, x, road).v_mps, DT_S), GUSTS)
 
 
+def arm_m(drive: Drive, x: Floats) -> float:
+    """How far ahead of where a push turns no car a wind of these parameters is taken to push, m."""
+    car = car_of(drive, x)
+    return max(car.wind_ahead_m - _neutral_m(car), _LEAST_ARM_M)
+
+
+@compiled
+def _neutral_m(car: CarModel) -> float:
+    """How far ahead of the C.G. a push turns no car: the neutral steer point."""
+    cf, cr = car.front_stiffness, car.rear_stiffness
+    return (cf * car.cg_to_front_axle_m - cr * car.cg_to_rear_axle_m) / (cf + cr)
+
+
 @compiled
 def _push_n(car: CarModel, across_mps2: Floats, v_mps: Floats, dt_s: float) -> Floats:
     """The side force (n,) under which a linear car has so much more lateral acceleration (n,), m/s^2, of (1).
@@ -102,8 +115,7 @@ def _push_n(car: CarModel, across_mps2: Floats, v_mps: Floats, dt_s: float) -> F
     """
     lf, lr = car.cg_to_front_axle_m, car.cg_to_rear_axle_m
     cf, cr = car.front_stiffness, car.rear_stiffness
-    neutral_m = (cf * lf - cr * lr) / (cf + cr)
-    ahead_m = max(car.wind_ahead_m, neutral_m + _LEAST_ARM_M)
+    ahead_m = max(car.wind_ahead_m, _neutral_m(car) + _LEAST_ARM_M)
     push = np.zeros(len(v_mps))
     vy, r = 0.0, 0.0
     for i in range(len(v_mps)):

@@ -51,6 +51,8 @@ _SIDES = tuple(tuple(INDEX[f"wheel_radius.{axle}{side}"] for side in "lr") for a
 # A wheel whose speed is so many times as rough as the smoothest one's has teeth that are not alike: rings that are as
 # good as each other differ by half, and one of which 3 % go round was 50 times as rough.
 _ROUGHER, _WHEELS = 5.0, slice(6, 10)
+# Nor are those of one that is so many times as rough as the others, where these are alike: twice as far as they differ.
+_THAN_OTHERS, _PAIR = 1.5, 2
 
 
 def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
@@ -125,8 +127,11 @@ def _counts_unevenly(drive: Drive, fit: Fit) -> bool:
         return False
     rough = np.nan_to_num(drive.recording.floor[_WHEELS])
     # A wheel that says nothing is no measure of the others.
-    smoothest = np.min(rough[rough > 0.0], initial=np.inf)
-    even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= _ROUGHER * smoothest]
+    told = np.sort(rough[rough > 0.0])
+    if len(told) < _PAIR:
+        return False
+    least = min(_ROUGHER * told[0], _THAN_OTHERS * told[-2] ** 2 / told[0])
+    even = [i for i, one in zip(sum(_SIDES, ()), rough, strict=True) if one <= least]
     return len(even) < len(rough) and not any(are_apart(drive, fit, *pair) for pair in combinations(even, 2))
 
 
