@@ -91,6 +91,30 @@ def test_a_scale_is_one_for_much_and_for_little(little: float, much: float, is_n
         assert np.sign(shape.coefficient.value) == np.sign(much - little)
 
 
+@pytest.mark.parametrize(
+    ("coasts", "driven", "braked", "told"),
+    [
+        (0.05, 0.05, 0.05, None),
+        (0.0, 0.05, 0.0, "k*ay where the car is driven"),
+        (0.05, 0.05, 0.0, "k*ay where it is braked"),
+    ],
+)
+def test_a_scale_is_one_for_a_car_that_is_driven_and_braked(
+    coasts: float, driven: float, braked: float, told: str | None
+) -> None:
+    # Three phases of a second and a half each, so that none of them is slow, early or hard.
+    v_rate = 1.5 * np.sign(np.sin(2.0 * np.pi * T / 4.7)) * (np.abs(np.sin(2.0 * np.pi * T / 4.7)) > 0.5)
+    speed = 14.0 + np.cumsum(v_rate) * DT_S
+
+    def more(one: Drive) -> None:
+        one.measured[:, ACROSS] *= 1.0 + np.where(v_rate > 0.2, driven, np.where(v_rate < -0.2, braked, coasts))
+
+    one = drive({}, speed, STEER, change=more)
+    rows = rows_of(one)
+    shapes = differs_by_pace(one, rows, fitted(one, rows, nothing(), ("accel_scale",), TOLERANCE))
+    assert [shape.shape for shape in shapes.values()] == ([] if told is None else [told])
+
+
 @pytest.mark.parametrize(("before", "after", "is_none"), [(0.05, 0.05, False), (0.0, 0.05, True), (0.05, 0.0, True)])
 def test_a_scale_is_one_before_and_later(before: float, after: float, is_none: bool) -> None:
     """A load that slides once leans a body from then on, and what it shows of a turn is a leak from then on."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.fitting.model import Fit
-from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel
-from dsz_daemon.diagnose.residuals.comparison import EVERY, Each, Rows, sensitivities
+from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
+from dsz_daemon.diagnose.residuals.comparison import EVERY, Bools, Each, Rows, sensitivities
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.evidence import inverse_of_told
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
@@ -29,6 +29,7 @@ _SHARES: Mapping[str, tuple[str, Mapping[str, str]]] = {
 }
 _COURSES = {"accel": dict(zip("xyz", ("ax", "ay", "az"), strict=True)), "gyro": dict(zip("xyz", "pqr", strict=True))}
 SLOWLY, MUCH = "where that changes slowly", "where that is much"
+DRIVEN, BRAKED, _SPEEDS_UP_MPS2 = "where the car is driven", "where it is braked", 0.2
 # What a Gaussian of this width leaves is slow, as compared rows come.
 _SLOW = filter_kernel(4.0 / EVERY)
 # More than so much of nearly the most is much.
@@ -60,19 +61,20 @@ def differs_by_pace(drive: Drive, rows: Rows, fit: Fit, each: Each = map) -> dic
     table = (slopes * weight[:, :, np.newaxis]).reshape(-1, len(fit.columns))
     table /= np.maximum(np.linalg.norm(table, axis=0), _NO_SLOPE)
     inverse, _ = inverse_of_told(table.T @ table, np.full(len(fit.columns), 1e-12))
-    found = dict[str, Shape]()
+    found, places = dict[str, Shape](), _places(drive, rows)
     for effect, columns in numbers.items():
         i = max(columns, key=lambda i: abs(fit.x[i]) / max(fit.std[fit.columns.index(i)], 1e-300))
         course = slopes[:, :, fit.columns.index(i)]
         parts = [(_slow_part(rows, course), SLOWLY), (_much_of(rows, course), MUCH)]
-        parts += [(_since(rows, course, since), f"from {rows.at[since] * DT_S:.1f} s on") for since in _moments(rows)]
-        for part, words in parts:
-            told = _more_of(rows, part * weight, left, table, inverse)
-            if abs(told.value) > max(_OF_ITSELF * abs(float(fit.x[i])), _SPREADS * told.std):
-                sensor, axes = _SHARES[effect]
-                two = axes[drive.vocabulary.columns[i][1].name]
-                found[effect] = Shape(f"{sensor}_{two[0]}", f"k*{_COURSES[sensor][two[1]]} {words}", told, 1.0)
-                break
+        parts += [(_where(rows, course, is_there), words) for is_there, words in places]
+        least = _OF_ITSELF * abs(float(fit.x[i]))
+        told = [(words, _more_of(rows, part * weight, left, table, inverse)) for part, words in parts]
+        other = [(words, more) for words, more in told if abs(more.value) > max(least, _SPREADS * more.std)]
+        if other:
+            words, more = max(other, key=lambda one: abs(one[1].value) / max(one[1].std, _NO_SLOPE))
+            sensor, axes = _SHARES[effect]
+            two = axes[drive.vocabulary.columns[i][1].name]
+            found[effect] = Shape(f"{sensor}_{two[0]}", f"k*{_COURSES[sensor][two[1]]} {words}", more, 1.0)
     return found
 
 
@@ -100,14 +102,17 @@ def _much_of(rows: Rows, course: Floats) -> Floats:
     return found
 
 
-def _moments(rows: Rows) -> list[int]:
-    """Quarters of the rows."""
-    return [len(rows.at) * k // 4 for k in (1, 2, 3)]
+def _places(drive: Drive, rows: Rows) -> list[tuple[Bools, str]]:
+    """Rows (k,) that are later than each quarter of them, and those in which the car is driven, or braked."""
+    quarters = [len(rows.at) * k // 4 for k in (1, 2, 3)]
+    later = [(np.arange(len(rows.at)) >= since, f"from {rows.at[since] * DT_S:.1f} s on") for since in quarters]
+    speeds_up = filtered(np.gradient(np.mean(drive.wheels, axis=1), DT_S), filter_kernel())[rows.at]
+    return [*later, (speeds_up > _SPEEDS_UP_MPS2, DRIVEN), (speeds_up < -_SPEEDS_UP_MPS2, BRAKED)]
 
 
-def _since(rows: Rows, course: Floats, since: int) -> Floats:
-    """What of a course (k, 13) is after a row."""
-    return np.where(rows.used & (np.arange(len(course)) >= since)[:, np.newaxis], course, 0.0)
+def _where(rows: Rows, course: Floats, is_there: Bools) -> Floats:
+    """What of a course (k, 13) is in some rows (k,)."""
+    return np.where(rows.used & is_there[:, np.newaxis], course, 0.0)
 
 
 def _slow_part(rows: Rows, course: Floats) -> Floats:
