@@ -65,7 +65,8 @@ def test_what_tips_at_once_time_and_again_is_a_bracket(tilt_rad: np.ndarray, is_
         (0.02 * PULL_MPS2, True),
         (-0.02 * np.maximum(PULL_MPS2, 0.0), True),
         (0.02 * np.minimum(PULL_MPS2, 0.0), True),
-        # Half of it is something else; a road that has about its period.
+        # A tenth of it is noise; half of it is something else; a road that has about its period.
+        (0.02 * PULL_MPS2 + 0.005 * np.sin(0.77 * T), True),
         (0.02 * PULL_MPS2 + 0.017 * np.sin(0.77 * T), False),
         (0.02 * np.sin(0.4 * T + 0.4), False),
     ],
