@@ -7,6 +7,7 @@ import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.descent import loss_of_rows
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of
@@ -66,3 +67,30 @@ def test_a_stretch_is_looked_for_beside_configured_tyres_where_softer_ones_have_
     assert 15.0 < start[INDEX[f"{ICE}.start_s"]] < start[INDEX[f"{ICE}.end_s"]] < 50.0
     # With the tyres beside which it is seen the best.
     assert start[INDEX["rear_cornering_stiffness_n_per_rad"]] == beside
+
+
+@pytest.mark.parametrize(("share", "is_one"), [(0.45, False), (0.55, True)])
+def test_beside_configured_tyres_a_stretch_has_to_do_half_of_what_softer_ones_do(
+    monkeypatch: pytest.MonkeyPatch, share: float, is_one: bool
+) -> None:
+    """Tyres that are softer do better than configured ones all the way, and so does nearly anything that softens."""
+    softer = {f"{axle}_cornering_stiffness_n_per_rad": -0.05 for axle in ("front", "rear")}
+    one = drive(softer, CITY_V, 1.3 * CITY_STEER)
+    rows = rows_of(one)
+    best = fitted(one, rows, nothing(), (), TOLERANCE)
+    x = best.x.copy()
+    x[[INDEX[name] for name in softer]] = 0.0
+    there = loss_of_rows(residual(rows, predicted(one, x, best.road)), rows, best.scatter)
+    more = float(np.sum(there - loss_of_rows(best.left, rows, best.scatter)))
+    assert more > 1000.0
+    asked: list[object] = []
+
+    def stretch(values: object) -> tuple[int, int, float]:
+        # Of the tyres so far first, then beside configured ones.
+        asked.append(values)
+        return 500, 1000, 0.0 if len(asked) <= 28 else share * more
+
+    monkeypatch.setattr(guesses_module, "_stretch", stretch)
+    starts = [start for effect, start in guesses(one, rows, best) if effect == ICE]
+    assert len(asked) == 56
+    assert (len(starts) > 0) is is_one

@@ -204,7 +204,7 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
     configured[_TOLERATED] = 0.0
     for tyres in (best.x, configured) if _given_way(best.x) else (best.x,):
         elsewhere = before if tyres is best.x else loss(tyres)
-        in_tyres = float(np.sum(before - elsewhere))
+        in_tyres = min(float(np.sum(before - elsewhere)), 0.0)
         least = _LEAST - _OF_THEIR_OWN * in_tyres
         for x, after in each(all_the_way, product((tyres,), _FRICTIONS.tolist(), _ELLIPSES)):
             gained = elsewhere - after - _NOTHING
