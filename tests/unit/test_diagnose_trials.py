@@ -12,7 +12,7 @@ import pytest
 from dsz_daemon.diagnose.effects.vocabulary import BUILT_IN, INDEX
 from dsz_daemon.diagnose.selection import trials as trials_module
 from dsz_daemon.diagnose.selection.plausible import is_rather_something
-from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first
+from dsz_daemon.diagnose.selection.trials import Step, Trial, all_tried, enough_first, rank_by
 from dsz_daemon.diagnose.simulation.drive import nothing
 
 _X = np.zeros(1)
@@ -280,6 +280,23 @@ def test_of_what_turns_a_car_alike_the_first_is_what_it_gains(
     found = enough_first(none, none, ranked, lambda _: 5.0)
     # What is none of them and not told stays behind, however much it gains.
     assert found[0].effect == first
+
+
+@pytest.mark.parametrize(
+    ("own", "first"), [(203.6, "steering_ratio"), (299.0, "steering_ratio"), (301.0, "wheels_more")]
+)
+def test_what_all_wheels_read_less_has_to_gain_the_most_both_ways(
+    monkeypatch: pytest.MonkeyPatch, own: float, first: str
+) -> None:
+    """Another car's ratio gained more by what it left, and less by what both did."""
+    alike = {"wheels_more": 192.0, "steering_ratio": 75.0}
+    monkeypatch.setattr(trials_module, "gained", lambda _, __, fit, ___: alike[fit.effects[-1]])
+    none: Any = None
+    steps = [
+        Step(effect, gain, SimpleNamespace(effects=(effect,), per_row=np.ones(13)))  # type: ignore[arg-type]
+        for effect, gain in (("wheels_more", own), ("steering_ratio", 300.0))
+    ]
+    assert max(steps, key=rank_by(none, none, steps)).effect == first
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ _LONG = TILTS | GRIP | {"sensor_saturation"}
 # Of the most that any candidate gains: from here on they are compared on the same number of independent rows.
 _RIVALS = 0.5
 # What has no name has to explain so much more than what has one; and grip that ends for a while, than grip that ends.
-_UNNAMED = frozenset(effect.name for effect in NAMELESS) - {OUTER_LOAD}
+_UNNAMED, _ALL_WHEELS = frozenset(effect.name for effect in NAMELESS) - {OUTER_LOAD}, "wheels_more"
 SURELY, _SPECIAL = 1.05, _UNNAMED | {"low_friction"}
 # What stands behind by another rule than what it gains.
 _RANKED_LOWER = _SPECIAL | OWN_CHANNEL.keys() | {LOAD}
@@ -238,18 +238,18 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
     A profile fits nearly anything, and has to gain more than what has few parameters; what is special, than what is
     general; what has no name, than a name, by as much as any cause is asked for; a load that weighs nothing, than what
     turns a car as it does; and two leaks that are one turn, than a turn. How a car is drawn is a rival as names are.
+    What all wheels read less has to gain the most by what it leaves itself, too.
     """
-    least = _RIVALS * max(step.gain for step in tried)
+    least = _RIVALS * (most := max(step.gain for step in tried))
     same = np.exp(np.mean(np.log([step.fit.per_row for step in tried if step.gain > least]), axis=0))
 
     def rank(step: Step) -> float:
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
         if step.effect == LOAD:
             alike -= ODD_LOAD * weighs_nothing(step.fit) + odds_against_less(step.fit)
-        if step.effect == "accel_cross_axis":
-            alike -= _ODD_LEAKS * are_one_turn(step.fit)
+        alike -= _ODD_LEAKS * (step.effect == "accel_cross_axis" and are_one_turn(step.fit))
         if step.effect in _UNNAMED:
-            alike -= LEAST_GAIN
+            alike = 0.0 if step.effect == _ALL_WHEELS and step.gain < most else alike - LEAST_GAIN
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
 
     return rank
