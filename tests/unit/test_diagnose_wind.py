@@ -17,10 +17,10 @@ from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filter
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.selection import search as search_module
 from dsz_daemon.diagnose.selection import trials
-from dsz_daemon.diagnose.selection.screening import screened
+from dsz_daemon.diagnose.selection.screening import Screening, screened
 from dsz_daemon.diagnose.selection.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.selection.smaller import worth_now
-from dsz_daemon.diagnose.selection.starts import beside_a_wind, starts_of
+from dsz_daemon.diagnose.selection.starts import Start, beside_a_wind, starts_of
 from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, two_at_once
 from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -440,21 +440,28 @@ def test_a_winds_rms_has_what_is_too_quick_to_be_told(monkeypatch: pytest.Monkey
     assert unsure == pytest.approx(np.hypot(5.0 / 3.0 * std, 0.5 * above / (2.0 * more)), rel=0.02)
 
 
+# As slow as the bends are.
+SLOW_GUSTS_N = 900.0 * (np.sin(2.0 * np.pi * T / 8.5 + 1.0) + 0.7 * np.sin(2.0 * np.pi * T / 21.0))
+
+
+def begun(one: Drive) -> tuple[Trial, Screening, list[Start]]:
+    """A trial beside nothing, what is screened, and from where effects are tried."""
+    rows = rows_of(one)
+    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
+    screening = screened(one, rows, nominal, TOLERANCE, map)
+    trial = Trial(one, rows, nominal, TOLERANCE, screening.known)
+    return trial, screening, starts_of(one, rows, nominal, screening.names)
+
+
 @pytest.mark.parametrize("at_once", [True, False])
 def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wind is judged by the yaw rate, of which a scale leaves as much as a wind does: alone neither helps."""
     if not at_once:
         monkeypatch.setattr(trials, "_OTHERS_OF_A_WIND", 0)
-    # As slow as the bends are.
-    gusts_n = 900.0 * (np.sin(2.0 * np.pi * T / 8.5 + 1.0) + 0.7 * np.sin(2.0 * np.pi * T / 21.0))
     one, x = drive({}, CITY_V, CITY_STEER), nothing()
     x[AHEAD], x[INDEX["gyro_scale.z"]] = 0.3, 0.1
-    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=gusts_n)) - predicted(one, nothing(), flat(N))
-    rows = rows_of(one)
-    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
-    screening = screened(one, rows, nominal, TOLERANCE, map)
-    trial = Trial(one, rows, nominal, TOLERANCE, screening.known)
-    starts = starts_of(one, rows, nominal, screening.names)
+    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=SLOW_GUSTS_N)) - predicted(one, nothing(), flat(N))
+    trial, screening, starts = begun(one)
     assert any(new == ("side_wind",) for new, _ in starts)
     tried = two_at_once(trial, screening, starts, set(), map)
     first = tried[0] if tried else None
@@ -468,17 +475,12 @@ def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, mon
 
 def test_a_wind_and_an_accelerometer_that_drifts_are_found_at_once() -> None:
     """A wind is felt of what an accelerometer shows, its drift too: beside one it is begun without that."""
-    gusts_n = 900.0 * (np.sin(2.0 * np.pi * T / 8.5 + 1.0) + 0.7 * np.sin(2.0 * np.pi * T / 21.0))
     drifts = [INDEX["bias_drift.gyro_z"], INDEX["bias_drift.accel_y"]]
     one, x = drive({}, CITY_V, CITY_STEER), nothing()
     x[AHEAD] = 0.3
     x[drifts] = -2e-4, 0.005
-    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=gusts_n)) - predicted(one, nothing(), flat(N))
-    rows = rows_of(one)
-    nominal = fitted(one, rows, nothing(), (), TOLERANCE)
-    screening = screened(one, rows, nominal, TOLERANCE, map)
-    trial = Trial(one, rows, nominal, TOLERANCE, screening.known)
-    starts = starts_of(one, rows, nominal, screening.names)
+    one.measured[:] += predicted(one, x, flat(N)._replace(side_n=SLOW_GUSTS_N)) - predicted(one, nothing(), flat(N))
+    trial, screening, starts = begun(one)
     first = two_at_once(trial, screening, starts, set(), map)[0]
     assert set(first.fit.effects) == {"side_wind", "bias_drift"}
     assert first.fit.x[drifts] == pytest.approx(x[drifts], rel=0.3)
@@ -486,4 +488,4 @@ def test_a_wind_and_an_accelerometer_that_drifts_are_found_at_once() -> None:
     wind = next(start for new, start in starts if new == ("side_wind",))
     assert trial.fit((first.fit.effects, wind)).gain < 10.0 < first.gain
     # What else there is beside a wind begins where the wind does.
-    assert beside_a_wind(rows, nominal, x, "gyro_scale") is x
+    assert beside_a_wind(trial.rows, trial.best, x, "gyro_scale") is x
