@@ -226,6 +226,7 @@ def test_of_wheels_that_slip_radii_of_an_axle_are_told_where_resistance_is(
         ((1.0, 1.0, 50.0, 1.0), "rl", True),
         # Where the others are alike, and where they are not.
         ((1.0, 1.0, 1.6, 1.0), "rl", True),
+        ((1.0, 1.0, 4.0, 1.0), "rl", True),
         ((1.0, 1.0, 1.4, 1.0), "rl", False),
         ((1.0, 1.0, 1.4, 1.2), "rl", False),
         ((1.0, 1.0, 2.1, 1.2), "rl", False),
