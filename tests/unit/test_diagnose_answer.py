@@ -493,12 +493,17 @@ def test_a_limit_of_grip_is_told_however_its_curve_bends(
 ) -> None:
     """1.2 +- 0.3 is four spreads off none; over all curves it is +- 1.0."""
     monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"inverse_square": (1.1, 1.0)})
-    monkeypatch.setattr(causes, "values_of", lambda *_, **__: {"inverse_square": (1.2, std), "sharpness": (0.0, 9.0)})
+    monkeypatch.setattr(causes, "spread_of", lambda *_: std)
     monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
     monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
     monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
+    x = nothing()
+    x[INDEX["tyre_saturation.inverse_square"]] = 1.2
     search: Any = SimpleNamespace(
-        drive=SimpleNamespace(vocabulary=BUILT_IN), best=NOTHING, gains={"tyre_saturation": 66.0}, elsewhere={}
+        drive=SimpleNamespace(vocabulary=BUILT_IN),
+        best=SimpleNamespace(effects=(), x=x),
+        gains={"tyre_saturation": 66.0},
+        elsewhere={},
     )
     search.elsewhere["tyre_saturation"] = {}
     cause = causes.cause_of(search, "tyre_saturation")

@@ -220,7 +220,7 @@ def test_the_share_of_the_limit_is_of_what_drive_and_brakes_leave() -> None:
         x[INDEX[name]] = value
     best = SimpleNamespace(x=x, road=flat(N))
     search: Any = SimpleNamespace(drive=one, best=best, rows=rows_of(one))
-    share, _ = numbers._front_share(search, "low_friction")
+    share, *_ = numbers._front_share(search, "low_friction")
     moving = moving_module.driven(one, x, flat(N))
     pulled = moving.rolling.front_free[search.rows.at] < 0.6
     assert pulled.any()

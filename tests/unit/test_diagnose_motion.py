@@ -15,7 +15,7 @@ M, IZ, LF, LR, CF, CR = 1673.0, 2850.0, 1.149, 1.491, 124000.0, 136000.0
 BODY = (0.0, motion.BODY_RADPS, motion.BODY_DAMPING)
 TRACK = 1.585
 NOMINAL = CarModel(
-    *(M, IZ, LF, LR, CF, CR, 0.0, 0.0), *BODY, *BODY, *(0.0, motion.SHARPNESS, *(0.0,) * 5, TRACK, 0.0, 0.0, 0.0)
+    *(M, IZ, LF, LR, CF, CR, 0.0, 0.0), *BODY, *BODY, *(0.0, motion.SHARPNESS, *(0.0,) * 6, TRACK, 0.0, 0.0, 0.0)
 )
 DT_S = 0.01
 T = DT_S * np.arange(1000)

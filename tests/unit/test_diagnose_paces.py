@@ -196,3 +196,33 @@ def test_what_is_another_number_for_slow_motion_is_said_without_the_name(monkeyp
     monkeypatch.setattr(answer, "differs_by_pace", lambda *_: {"accel_scale": shape})
     told = answered(search)
     assert (told.verdict, told.causes, told.unlisted) == ("unexplained", [], [shape])
+
+
+@pytest.mark.parametrize("is_one_sided", [False, True])
+def test_wheel_speeds_are_as_late_driven_as_braked(is_one_sided: bool) -> None:
+    """A filter that lets what rises through at once, and what falls by a first order, is no delay."""
+    v_rate = 1.5 * np.sign(np.sin(2.0 * np.pi * T / 4.7)) * (np.abs(np.sin(2.0 * np.pi * T / 4.7)) > 0.5)
+    one, late_s = drive({}, 14.0 + np.cumsum(v_rate) * DT_S, STEER), 0.04
+
+    def late(column: np.ndarray) -> np.ndarray:
+        if not is_one_sided:
+            return np.interp(T - late_s, T, column)
+        followed, taken = column.copy(), 1.0 - np.exp(-DT_S / late_s)
+        for i in range(1, len(column)):
+            more = column[i] - followed[i - 1]
+            followed[i] = followed[i - 1] + more * (1.0 if more > 0.0 else taken)
+        return followed
+
+    measured = one.measured.copy()
+    measured[:, 6:9] = np.column_stack([late(column) for column in measured[:, 6:9].T])
+    one = one._replace(wheels=np.column_stack([late(column) for column in one.wheels.T]), measured=measured)
+    rows = rows_of(one)
+    told = differs_by_pace(one, rows, fitted(one, rows, nothing(), ("wheel_speed_delay",), TOLERANCE))
+    if not is_one_sided:
+        assert told == {}
+        return
+    shape = told["wheel_speed_delay"]
+    assert (shape.channel, shape.coefficient.unit) == ("wheel_speed_fl", "s")
+    by_force = {"where the car is driven": -1.0, "where it is braked": 1.0}
+    words = shape.shape.removeprefix("later by k, all four, ")
+    assert by_force[words] * shape.coefficient.value == pytest.approx(late_s, rel=0.5)

@@ -276,6 +276,7 @@ def test_every_parameter_does_something_and_has_a_place_of_its_own() -> None:
                 "before_offset",
                 "turns",
                 "sharpness",
+                "brush",
                 "centred",
                 "begins",
                 "ellipse",

@@ -6,8 +6,12 @@ import math
 
 from dsz_daemon.diagnose.effects.row import CAR, LATERAL, LONGITUDINAL, STEERING_RATE, WHEELS, Effect, Parameter
 
-# How sharply force bends to its limit, and of how much of that drive and brakes take their share.
-_CURVE = (Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf), Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf))
+# How sharply force bends to its limit, of how much of that drive and brakes take a share, and how far it is a brush.
+_CURVE = (
+    Parameter("sharpness", "1", 0.5, -0.8, 9.0, math.inf),
+    Parameter("ellipse", "1", 0.2, 0.0, 1.0, math.inf),
+    Parameter("brush", "1", 0.2, -0.6, 1.0, math.inf),
+)
 
 CORNERING_STIFFNESS = Effect(
     "cornering_stiffness",
@@ -26,7 +30,7 @@ CORNERING_STIFFNESS = Effect(
 TYRE_SATURATION = Effect(
     "tyre_saturation",
     "Grip ends at a friction coefficient of some {friction_coefficient:.2f}",
-    "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z)",
+    "F = C alpha f(x), x = C alpha / (mu F_z), between (1 + x^n)^(-1/n) and a brush's 1 - x/3 + x^2/27",
     CAR,
     (Parameter("inverse_square", "1", 1.0, 0.0, 60.0, 0.3), *_CURVE),
     source="between a brush (Pacejka, Tire and Vehicle Dynamics, chapter 3) and a clamp",
@@ -36,7 +40,7 @@ TYRE_SATURATION = Effect(
 LOW_FRICTION = Effect(
     "low_friction",
     "Grip ends at a friction coefficient of some {friction_coefficient:.2f} from {start_s:.1f} to {end_s:.1f} s",
-    "F = C alpha / (1 + x^n)^(1/n), x = C alpha / (mu F_z), for a while",
+    "F = C alpha f(x), x = C alpha / (mu F_z), as for tyre_saturation, for a while",
     CAR,
     (
         Parameter("inverse_square", "1", 1.0, 0.0, 400.0, 0.3),

@@ -12,7 +12,7 @@ from dsz_daemon.diagnose.effects.nameless import NAMELESS
 from dsz_daemon.diagnose.effects.row import CAR, SENSORS, WHEELS
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
-from dsz_daemon.diagnose.fitting.model import BESIDE_TYRES, GRIP, IMU, OWN_CHANNEL, SATURATION, TILTS, Slopes, Told
+from dsz_daemon.diagnose.fitting.model import BESIDE_TYRES, GRIP, IMU, OWN_CHANNEL, SATURATION, TILTS, Fit, Slopes, Told
 from dsz_daemon.diagnose.fitting.mounts import IN_A_BODY_M, MOUNT, as_drawn_rad
 from dsz_daemon.diagnose.residuals.comparison import Rows
 from dsz_daemon.diagnose.residuals.evidence import Sums, inverse_of_told
@@ -20,6 +20,10 @@ from dsz_daemon.diagnose.residuals.slow_noise import slope_of_slow_noise
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.loads import LOAD, between_ends
 from dsz_daemon.diagnose.simulation.pulls import offset_by_a_pull_rad
+
+# Of a limit of grip what says that there is one, and the curve that bends to it.
+LIMIT_OF = {effect: INDEX[f"{effect}.inverse_square"] for effect in GRIP}
+_CURVES = {i: [INDEX[f"{effect}.{name}"] for name in ("sharpness", "brush")] for effect, i in LIMIT_OF.items()}
 
 
 class _Form(NamedTuple):
@@ -185,3 +189,17 @@ def covariance_of(
     # Of what is hardly told rounding may leave anything.
     np.fill_diagonal(covariance, np.maximum(more, 0.0))
     return np.asarray(covariance, dtype=np.float64)
+
+
+def spread_of(fit: Fit, i: int) -> float:
+    """How sure column i is that it is not 0: as sure as it is; of a limit of grip, for just the curve that was fitted.
+
+    How that bends makes a limit uncertain, not whether there is one.
+    """
+    at, curve = fit.columns.index(i), [fit.columns.index(j) for j in _CURVES.get(i, ()) if j in fit.columns]
+    if not curve:
+        return float(fit.std[at])
+    shared, variance = fit.covariance[at, curve], float(fit.covariance[at, at])
+    taken = float(shared @ np.linalg.lstsq(fit.covariance[np.ix_(curve, curve)], shared, rcond=None)[0])
+    left = max(1.0 - taken / variance, 0.0) if variance > 0.0 else 1.0
+    return float(fit.std[at]) * math.sqrt(left)

@@ -50,8 +50,8 @@ _ABOUT = 0.9
 _TOLERATED, _SOFTER = [INDEX[parameter.name] for parameter in TOLERATED], 0.01
 # And what it gains over configured ones is so much of what softer ones do at least, whose offsets are fitted as well.
 _OF_THEIR_OWN = 0.5
-# Not 0, so that it is fitted.
-_SOME_SHARPNESS = 0.01
+# Neither is 0, so that both are fitted.
+_SOME_SHARPNESS, _SOME_OF_A_BRUSH = 0.01, 0.01
 
 
 def guesses(drive: Drive, rows: Rows, best: Fit, each: Each = map) -> list[tuple[str, Floats]]:
@@ -196,6 +196,7 @@ def _slippery(drive: Drive, rows: Rows, best: Fit, each: Each) -> list[tuple[str
         x[INDEX["low_friction.ellipse"]] = ellipse
         x[INDEX["low_friction.inverse_square"]] = friction**-2
         x[INDEX["low_friction.sharpness"]] = _SOME_SHARPNESS
+        x[INDEX["low_friction.brush"]] = _SOME_OF_A_BRUSH
         x[_MOMENTS] = 0.0, len(drive.steer) * DT_S
         return x, loss(x)
 
@@ -233,7 +234,7 @@ def _are_apart(one: Floats, other: Floats) -> bool:
 def as_everywhere(before: Floats, slippery: Floats) -> Floats:
     """The parameters of a road that is slippery all the way, as those of tyres that hold no better on any."""
     x = before.copy()
-    for name in ("inverse_square", "sharpness", "ellipse"):
+    for name in ("inverse_square", "sharpness", "ellipse", "brush"):
         x[INDEX[f"tyre_saturation.{name}"]] = slippery[INDEX[f"low_friction.{name}"]]
     return x
 

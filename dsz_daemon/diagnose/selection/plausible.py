@@ -15,7 +15,7 @@ from dsz_daemon.diagnose.fitting.gains import far_off
 from dsz_daemon.diagnose.fitting.limits import limits_read_off
 from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, TILTS, Fit
 from dsz_daemon.diagnose.fitting.moments import SHORTEST_S, moments_of
-from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve
+from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve, spread_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import (
@@ -164,9 +164,7 @@ def is_rather_something(drive: Drive, fit: Fit, effect: str, tyres: Fit | None =
 
 
 def _tells(drive: Drive, fit: Fit, i: int) -> bool:
-    return abs(float(fit.x[i])) >= max(
-        drive.vocabulary.columns[i][1].least, _TOLD * float(fit.std[fit.columns.index(i)])
-    )
+    return abs(float(fit.x[i])) >= max(drive.vocabulary.columns[i][1].least, _TOLD * spread_of(fit, i))
 
 
 def does_nothing(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -27,8 +27,8 @@ _LOCKS_RADPS, _LOCKS_PER_M = 0.06, 0.03
 # What is loose in an axle is at its end in a bend of this.
 _PLAYS_MPS2 = 1.0
 _MINUTE_S = 60.0
-# Rear wheels that are made to steer do so against the front ones below this, and with them above.
-_CROSSES_MPS, _OVER_MPS = 15.0, 7.0
+# Rear wheels that are made to steer do so against the front ones below 40 to 70 km/h, and with them above.
+_CROSSES_MPS = ((12.0, 3.0), (15.0, 7.0), (20.0, 4.0))
 # ... and follow the front ones by a first order.
 _FOLLOWS_S = 0.2
 _UNIT = {
@@ -69,7 +69,10 @@ def courses_of(moving: Moving, hand_rad: Floats, steer_rad: Floats) -> list[Cour
         Course(REAR, "delta", steer_rad, "rad"),
         Course(REAR, "vx*delta", v * steer_rad, "m rad/s"),
         Course(REAR, "delta, slowly", followed(steer_rad[:, np.newaxis], _FOLLOWS_S, DT_S)[:, 0], "rad"),
-        Course(REAR, "tanh((vx-15)/7)*delta", np.tanh((v - _CROSSES_MPS) / _OVER_MPS) * steer_rad, "rad"),
+        *(
+            Course(REAR, f"tanh((vx-{at:g})/{over:g})*delta", np.tanh((v - at) / over) * steer_rad, "rad")
+            for at, over in _CROSSES_MPS
+        ),
         Course(REAR, "sign(ay)", np.tanh(side / _PLAYS_MPS2), ""),
         # A wing on one axle, or on both.
         Course(MOMENT, "vx^2*ay", v * v * side, "m3/s4"),

@@ -13,6 +13,8 @@ from dsz_daemon.diagnose.recordings.recording import DT_S
 _WARM_S = 60.0
 # Which channel shows what as its own.
 _OWN = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
+# A car turns to the side that it is pushed to.
+_SAME_SIGN = {"gyro_z": ("r", "ay"), "accel_x": ("ax",), "accel_y": ("ay", "r")}
 
 
 def uneven(name: str, own: Floats, unit: str) -> dict[str, tuple[Floats, str]]:
@@ -35,7 +37,7 @@ def is_uneven(shape: str) -> bool:
 
 def sticks(shape: str, channel: str) -> bool:
     """Whether the channel does not follow its own motion near none of it: by that much less it shows, at any size."""
-    return shape == f"sign({_OWN.get(channel)})"
+    return shape in {f"sign({name})" for name in _SAME_SIGN.get(channel, ())}
 
 
 def is_anothers(shape: str, channel: str) -> bool:

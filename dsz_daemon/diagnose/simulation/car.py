@@ -43,6 +43,7 @@ def car_of(drive: Drive, x: Floats) -> CarModel:
         motion.BODY_DAMPING + at("suspension_pitch.damping"),
         at("suspension_pitch.air_per_m"),
         motion.SHARPNESS + at("tyre_saturation.sharpness") + at("low_friction.sharpness"),
+        at("tyre_saturation.brush") + at("low_friction.brush"),
         at("side_wind.ahead_m"),
         at("side_wind.leans"),
         at("steered_pull"),

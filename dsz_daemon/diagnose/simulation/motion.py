@@ -14,7 +14,7 @@ import numpy as np
 
 from dsz_daemon.compiled import compiled
 from dsz_daemon.diagnose.simulation.angles import at_a_side, atan_of, cos_of, drawn, sin_of
-from dsz_daemon.diagnose.simulation.tyre_curve import curve_of, limited
+from dsz_daemon.diagnose.simulation.tyre_curve import Curve, curve_of, limited
 from dsz_daemon.signals import STANDARD_GRAVITY_MPS2
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -31,7 +31,7 @@ LOAD_S = 2.0 * BODY_DAMPING / BODY_RADPS
 # Of an axle's static load.
 LIGHTEST, HEAVIEST = 0.3, 1.7
 
-# How long a tyre stays linear, see `tyre_curve`: between a brush and a clamp.
+# How long a tyre stays linear, see `tyre_curve`.
 SHARPNESS = 2.5
 
 # Columns of what `moved` returns.
@@ -63,6 +63,7 @@ class CarModel(NamedTuple):
     pitch_damping: float
     air_per_m: float
     sharpness: float
+    brush: float
     wind_ahead_m: float
     wind_leans: float
     steered_pull: float
@@ -133,7 +134,7 @@ def _loaded(car: CarModel, along_mps2: float) -> tuple[float, float]:
 
 @compiled
 def _given_way(
-    car: CarModel, steer_rad: float, heading_rad: float, share: float, ends_per_n: float, curve: Floats
+    car: CarModel, steer_rad: float, heading_rad: float, share: float, ends_per_n: float, curve: Curve
 ) -> float:
     """The angle of front wheels that give way to the force which they have at just that angle, rad.
 
@@ -145,7 +146,7 @@ def _given_way(
     if ends_per_n > 0.0:
         for _ in range(_GIVES_WAY_ROUNDS):
             linear_n = car.front_stiffness * (delta - heading_rad)
-            off = delta - steer_rad + rad_per_n * limited(linear_n, ends_per_n, car.sharpness, curve)
+            off = delta - steer_rad + rad_per_n * limited(linear_n, ends_per_n, curve)
             delta -= off / (1.0 + rad_per_n * car.front_stiffness)
     return delta
 
@@ -189,7 +190,7 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
     pitch = -car.pitch_gradient * (v_rate[0] + G * sin_of(grade_rad[0]) + car.air_per_m * v_mps[0] * v_mps[0])
     roll_rate, pitch_rate = 0.0, 0.0
     front_loaded, rear_loaded, carried_mps2, taken = 1.0, 1.0, 0.0, -math.expm1(-dt_s / LOAD_S)
-    curve = curve_of(car.sharpness)
+    curve = curve_of(car.sharpness, car.brush)
     roll_spring, roll_damper = car.roll_radps**2, 2.0 * car.roll_damping * car.roll_radps
     pitch_spring, pitch_damper = car.pitch_radps**2, 2.0 * car.pitch_damping * car.pitch_radps
     per_kg, per_kgm2 = 1.0 / car.mass_kg, 1.0 / car.yaw_inertia_kgm2
@@ -234,8 +235,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
                 tan = sin / cos
             slips = atan_of(heading) - delta, atan_of((ground - lr * r) * per_v)
             linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
-            front = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
-            rear = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, car.sharpness, curve)
+            front = front_loaded * front_free[i] * limited(linear[0], ends / front_load, curve)
+            rear = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, curve)
         if v >= ROLLING_MPS:
             steered = front * cos + _pulled(car, front, v_rate[i] - r * vy + uphill, sin, tan)
             scrub_n, scrub_nm = _scrubbed(car, heading, r * per_v, sin)
@@ -279,8 +280,8 @@ def moved(  # noqa: PLR0915 - one loop, that a compiler and a reader can follow
             delta_mid = _given_way(car, middle_rad, atan_of(heading), share, ends / front_load, curve)
         slips = atan_of(heading) - delta_mid, atan_of((ground - lr * r_mid) * per_v)
         linear = -car.front_stiffness * slips[0], -car.rear_stiffness * slips[1]
-        front_goal = front_loaded * front_free[i] * limited(linear[0], ends / front_load, car.sharpness, curve)
-        rear_goal = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, car.sharpness, curve)
+        front_goal = front_loaded * front_free[i] * limited(linear[0], ends / front_load, curve)
+        rear_goal = rear_loaded * rear_free[i] * limited(linear[1], ends / rear_load, curve)
         front_mid, rear_mid = front_goal, rear_goal
         if car.relaxation_m > 0.0:
             share = -math.expm1(-0.5 * v_mid * dt_s / car.relaxation_m)

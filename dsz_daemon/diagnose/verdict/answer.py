@@ -24,6 +24,7 @@ from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause
 from dsz_daemon.diagnose.verdict.configured import BEYOND, TYRES, parameter_errors
 from dsz_daemon.diagnose.verdict.goodness import goodness
 from dsz_daemon.diagnose.verdict.in_part import explains_a_part
+from dsz_daemon.diagnose.verdict.late_leans import leans_late, with_their_roads
 from dsz_daemon.diagnose.verdict.level import (
     curve_of_an_axle,
     doubt,
@@ -69,7 +70,8 @@ def answered(
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
     changing = {effect for effect in effects if changes_all_the_way(found.drive, found.rows, found.best, effect)}
     by_pace = differs_by_pace(found.drive, found.rows, found.best, each)
-    no_names |= changing | set(by_pace)
+    late = leans_late(found.best)
+    no_names |= changing | set(by_pace) | with_their_roads(late)
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
@@ -97,7 +99,7 @@ def answered(
         # What is left of a channel that is explained may be how the simulation draws what explains it.
         return left.channel in unexplained or left.gain >= asked_of(found.drive, left.effect.name, found.gains)
 
-    shapes = [*beside, *times_that_change(found.drive, found.best, changing), *by_pace.values()]
+    shapes = [*beside, *times_that_change(found.drive, found.best, changing), *by_pace.values(), *late.values()]
     shapes += [*unlisted(found.drive, found.rows, found.best, there, is_enough)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})

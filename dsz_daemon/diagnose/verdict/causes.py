@@ -12,7 +12,8 @@ from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import told_from
-from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, values_of
+from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL
+from dsz_daemon.diagnose.fitting.spreads import LIMIT_OF, spread_of
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
@@ -78,7 +79,8 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
     # How a tyre's curve bends makes a limit of grip uncertain, not whether there is one; nor do tyres a compliance.
     judged = values
     if effect in GRIP:
-        judged = dict(values_of(found.drive, found.best, effect, as_fitted=True))
+        limit = LIMIT_OF[effect]
+        judged = {"inverse_square": (float(found.best.x[limit]), spread_of(found.best, limit))}
     elif effect not in {LOAD, *OWN_CHANNEL}:
         judged = values_told(found, effect, as_fitted=True)
     spreads = _OF_WHAT_IS_SURE if surely else LEAST_SPREADS

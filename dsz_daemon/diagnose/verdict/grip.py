@@ -10,30 +10,39 @@ import numpy as np
 
 from dsz_daemon.diagnose.simulation.drive import Floats
 
-# From a curve that bends early to a clamp, see `motion.SHARPNESS`.
-_SHAPES = (1.7, 2.5, 4.0, 9.0)
+# From curves that bend early to a clamp, and a brush: how sharp, and how far a brush, see `tyre_curve`.
+_SHAPES = ((1.7, 0.0), (2.5, 0.0), (4.0, 0.0), (9.0, 0.0), (2.5, 1.0))
 _LIMITS = np.geomspace(0.5, 2.5, 81)
 # The stiffness is found together with the limit.
 _SLOPES = np.linspace(0.9, 1.1, 11)
 _MOST_ROWS = 500
 # Of the limit, from where on a curve is bent at all.
 _BENT = 0.3
+# So far beyond the limit all curves are flat.
+_DEMANDS = np.geomspace(0.1, 20.0, 2000)
 
 
-def over_shapes(force_share: Floats, sharpness: float) -> tuple[float, float]:
+def shape(x: Floats, sharpness: float, brush: float) -> Floats:
+    """A tyre's force over its limit, of a linear tyre's over the limit x: as `tyre_curve` has it, for many at once."""
+    slid = np.minimum(x, 3.0)
+    return np.asarray(
+        (1.0 - brush) * x / (1.0 + x**sharpness) ** (1.0 / sharpness) + brush * (slid - slid**2 / 3.0 + slid**3 / 27.0)
+    )
+
+
+def over_shapes(force_share: Floats, sharpness: float, brush: float = 0.0) -> tuple[float, float]:
     """Limits (mean and spread over shapes, in units of the one that was found) of an axle's forces (k,) over it."""
     used = np.minimum(np.abs(force_share), 0.999)
     used = np.sort(used[used > _BENT])
     if len(used) == 0:
         return 1.0, 1.0
     used = used[:: max(len(used) // _MOST_ROWS, 1)]
-    linear = used / (1.0 - used**sharpness) ** (1.0 / sharpness)
-    # So far beyond the limit all curves are flat.
-    linear = np.minimum(linear, 20.0)
+    # A curve rises all the way.
+    linear = np.interp(used, np.maximum.accumulate(shape(_DEMANDS, sharpness, brush)), _DEMANDS)
     found = [1.0]
-    for shape in _SHAPES:
+    for other in _SHAPES:
         x = linear * _SLOPES[:, np.newaxis, np.newaxis] / _LIMITS[:, np.newaxis]
-        force = _LIMITS[:, np.newaxis] * x / (1.0 + x**shape) ** (1.0 / shape)
+        force = _LIMITS[:, np.newaxis] * shape(x, *other)
         worst = np.mean((force - used) ** 2, axis=2)
         found.append(float(_LIMITS[np.unravel_index(int(np.argmin(worst)), worst.shape)[1]]))
     return float(np.mean(found)), float(np.std(found))

@@ -94,8 +94,8 @@ def _apart(found: Search, values: Told) -> Told:
     return dict(zip(values, zip(apart.tolist(), spread.tolist(), strict=True), strict=True))
 
 
-def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
-    """The front axle's lateral force over its limit (k,) wherever grip ends, and how sharply the fit bends it.
+def _front_share(found: Search, effect: str) -> tuple[Floats, float, float]:
+    """The front axle's lateral force over its limit (k,) wherever grip ends, and how the fit bends it.
 
     Of the limit counts what drive and brakes leave of it.
     """
@@ -105,7 +105,8 @@ def _front_share(found: Search, effect: str) -> tuple[Floats, float]:
     load_n = car.mass_kg * motion.G * car.cg_to_rear_axle_m / car.wheelbase_m
     free_n = load_n * moving.rolling.front_free[found.rows.at]
     share = moving.moved[found.rows.at, motion.FRONT_N] * np.sqrt(grip) / free_n
-    return share[grip > 0.0], motion.SHARPNESS + float(best.x[INDEX[f"{effect}.sharpness"]])
+    sharpness, brush = (float(best.x[INDEX[f"{effect}.{name}"]]) for name in ("sharpness", "brush"))
+    return share[grip > 0.0], motion.SHARPNESS + sharpness, brush
 
 
 def on_the_clock(found: Search, values: Told) -> Told:

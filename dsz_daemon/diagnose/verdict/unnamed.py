@@ -72,6 +72,12 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # Nor has what a sensor shows to one side, or as it warms up, or not near nothing, a scale beside it.
     uneven = (place for place, course in shapes if is_uneven(course) or sticks(course, place))
     names |= {f"{place.partition('_')[0]}_scale" for place in uneven}
+    # Where a gyro shows nothing of a small turn, the force that comes with one is no more than that.
+    names |= (
+        {"gyro_g_sensitivity"}
+        if any(sticks(course, "gyro_z") for place, course in shapes if place == "gyro_z")
+        else set()
+    )
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
     if "locked_axle" in sure and is_told(drive, fit, "locked_axle"):
         names |= {*TURNS}

@@ -1,0 +1,96 @@
+"""diagnose: tyres whose grip ends as a brush's does, and how sure it is that it ends at all."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, drive, found
+
+from dsz_daemon.diagnose.effects.vocabulary import INDEX
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.fitting.spreads import spread_of
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.plausible import is_told
+from dsz_daemon.diagnose.simulation import motion
+from dsz_daemon.diagnose.simulation.car import car_of
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.simulation.moving import driven
+from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.grip import over_shapes, shape
+
+FRICTION = 0.4
+LIMIT, SHARPNESS, BRUSH = (INDEX[f"tyre_saturation.{name}"] for name in ("inverse_square", "sharpness", "brush"))
+BRUSHES = {"tyre_saturation.inverse_square": FRICTION**-2, "tyre_saturation.brush": 1.0}
+
+
+def test_an_axle_of_brushes_pushes_as_one() -> None:
+    """F = mu F_z (1 - (1 - theta alpha)^3), theta = C / (3 mu F_z)."""
+    one, x = drive({}, CITY_V, 2.0 * CITY_STEER), nothing()
+    x[[LIMIT, BRUSH]] = FRICTION**-2, 1.0
+    moving, car = driven(one, x, flat(N)), car_of(one, x)
+    rolls = moving.v_mps > 3.0
+    ahead = np.arctan((moving.moved[:, motion.VY] + car.cg_to_front_axle_m * moving.moved[:, motion.R]) / moving.v_mps)
+    slip = (moving.moved[:, motion.DELTA] - ahead)[rolls]
+    wheelbase_m = car.cg_to_front_axle_m + car.cg_to_rear_axle_m
+    most_n = FRICTION * car.mass_kg * 9.80665 * car.cg_to_rear_axle_m / wheelbase_m
+    slides = np.minimum(car.front_stiffness * np.abs(slip) / (3.0 * most_n), 1.0)
+    expected = np.sign(slip) * most_n * (1.0 - (1.0 - slides) ** 3)
+    assert np.max(slides) > 0.6
+    np.testing.assert_allclose(moving.moved[rolls, motion.FRONT_N], expected, rtol=0.0, atol=1e-3 * most_n)
+
+
+def test_brushes_are_named_and_tyres_within_their_tolerance_are_not_blamed() -> None:
+    """Without their curve stiffnesses gave way to the end of their tolerance, and the friction with them."""
+    told = answered(found(drive(BRUSHES, CITY_V, 1.3 * CITY_STEER)))
+    assert (told.verdict, [cause.effect for cause in told.causes]) == ("explained", ["tyre_saturation"])
+    friction = told.causes[0].parameters["friction_coefficient"]
+    assert isinstance(friction.value, float)
+    assert friction.std is not None
+    assert abs(friction.value - FRICTION) < 1.96 * friction.std < 0.25
+    assert told.parameter_errors == []
+
+
+@pytest.mark.parametrize("brush", [0.0, 0.5, 1.0])
+def test_a_limit_is_read_off_the_curve_that_was_fitted(brush: float) -> None:
+    """What the forces are over is the same whatever bends them; a brush is one of the shapes it may have been."""
+    demand = np.linspace(0.05, 4.0, 300)
+    mean, spread = over_shapes(shape(demand, 2.5, brush), 2.5, brush)
+    assert abs(mean - 1.0) < 2.0 * spread < 0.3
+    # Another curve than that of the forces reads another demand off them, and all limits with it.
+    assert over_shapes(shape(demand, 2.5, brush), 2.5, 1.0 - brush)[0] != pytest.approx(mean, abs=1e-3) or brush == 0.5
+
+
+def test_the_shapes_are_those_of_the_simulation() -> None:
+    slid = 1.0 - (1.0 - np.minimum(np.array([0.3, 1.5, 2.9, 3.5, 40.0]) / 3.0, 1.0)) ** 3
+    np.testing.assert_allclose(shape(np.array([0.3, 1.5, 2.9, 3.5, 40.0]), 2.5, 1.0), slid, rtol=1e-12)
+    assert shape(np.array([1.0]), 2.0, 0.0)[0] == pytest.approx(2.0**-0.5)
+
+
+def test_a_limit_is_as_sure_as_its_curve_has_it() -> None:
+    """Of two numbers of one curve, that hang together by 0.6, the one is told 0.8 times as widely where both are."""
+    columns = (LIMIT, SHARPNESS, BRUSH, INDEX["gyro_scale.z"])
+    covariance = np.diag([4.0, 9.0, 1.0, 1.0])
+    covariance[0, 1] = covariance[1, 0] = 0.6 * 2.0 * 3.0
+    # What other numbers share with it is no matter of a curve.
+    covariance[0, 3] = covariance[3, 0] = 1.5
+    fit: Any = SimpleNamespace(columns=columns, covariance=covariance, std=np.array([2.2, 3.0, 1.0, 1.0]))
+    assert spread_of(fit, LIMIT) == pytest.approx(2.2 * 0.8)
+    assert spread_of(fit, SHARPNESS) == 3.0
+    assert spread_of(fit, INDEX["gyro_scale.z"]) == 1.0
+
+
+def test_whether_grip_ends_is_told_whatever_bends_it() -> None:
+    one = drive({"tyre_saturation.inverse_square": 0.62**-2}, CITY_V, CITY_STEER)
+    rows, x = rows_of(one), nothing()
+    x[[LIMIT, SHARPNESS, BRUSH]] = 0.62**-2, 0.01, 0.01
+    fit = fitted(one, rows, x, ("tyre_saturation",), TOLERANCE)
+    at = fit.columns.index(LIMIT)
+    assert spread_of(fit, LIMIT) < 0.5 * fit.std[at]
+    # As wide as that over all curves, and as narrow for each.
+    wide = fit._replace(std=fit.std * (0.6 * fit.x[LIMIT] / fit.std[at]))
+    assert wide.x[LIMIT] < 2.0 * wide.std[at]
+    assert is_told(one, wide, "tyre_saturation")
