@@ -157,6 +157,18 @@ def test_a_stretch_is_none_that_is_over_before_a_car_shows_it_or_has_no_end(
     assert is_implausible(one, rows, fit, "low_friction") is is_none
 
 
+@pytest.mark.parametrize(
+    ("slips_s", "is_none"), [(17.9, False), (18.1, True), (21.9, True), (30.0, False), (38.1, True), (42.1, False)]
+)
+def test_a_stretch_is_none_that_begins_or_ends_as_a_steering_sensor_slips(slips_s: float, is_none: bool) -> None:
+    """From 20 to 40 s; what does not slip all at once does so for a while."""
+    one, rows, fit = slippery(40.0)
+    fit.x[moments_of(one)] = 20.0, 40.0
+    fit.x[INDEX["steering_slip.at_s"]] = slips_s
+    assert is_implausible(one, rows, fit._replace(effects=("steering_slip", "low_friction")), "low_friction") is is_none
+    assert not is_implausible(one, rows, fit, "low_friction")
+
+
 def test_a_stretch_ends_after_it_begins_wherever_nothing_tells(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where both ends could be anywhere, neither is told beyond the other."""
     one, rows, fit = slippery(40.0)

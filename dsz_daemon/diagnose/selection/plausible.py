@@ -87,7 +87,7 @@ _NARROWER, _TRACKS = 0.12, (INDEX["track_width.front"], INDEX["track_width.rear"
 _ROLL_GYRO = 0
 # No car's C.G. is as low as this, or as high.
 _HEIGHT, _CG_M = INDEX["outer_load.height_m"], (0.2, 1.15)
-_AHEAD = INDEX["side_wind.ahead_m"]
+_AHEAD, _SLIPS = INDEX["side_wind.ahead_m"], INDEX["steering_slip.at_s"]
 
 
 def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
@@ -355,9 +355,13 @@ def _bounces(fit: Fit, effect: str) -> bool:
 
 
 def _is_no_stretch(drive: Drive, fit: Fit) -> bool:
-    """Whether a slippery stretch is over before a car shows it, or before it begins; or has no end."""
-    begins_s, ends_s = fit.x[moments_of(drive)]
-    return not SHORTEST_S <= ends_s - begins_s <= _FOR_A_WHILE * DT_S * len(drive.steer)
+    """Whether a slippery stretch is over before a car shows it, or before it begins; or has no end.
+
+    Nor is one that begins or ends as a steering sensor slips: it is how that does.
+    """
+    begins_s, ends_s = moments = fit.x[moments_of(drive)]
+    slips = "steering_slip" in fit.effects and bool(np.min(np.abs(moments - fit.x[_SLIPS])) < SHORTEST_S)
+    return slips or not SHORTEST_S <= ends_s - begins_s <= _FOR_A_WHILE * DT_S * len(drive.steer)
 
 
 def _slides(drive: Drive, fit: Fit) -> bool:
