@@ -226,3 +226,12 @@ def test_wheel_speeds_are_as_late_driven_as_braked(is_one_sided: bool) -> None:
     by_force = {"where the car is driven": -1.0, "where it is braked": 1.0}
     words = shape.shape.removeprefix("later by k, all four, ")
     assert by_force[words] * shape.coefficient.value == pytest.approx(late_s, rel=0.5)
+
+
+def test_when_a_time_is_another_one_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(drive({"wheel_speed_delay.delay_s": 0.08}, SPEED, STEER))
+    shape = Shape("wheel_speed_fl", "later by k, all four, where it is braked", Coefficient(0.04, 0.002, "s"), 1.0)
+    monkeypatch.setattr(answer, "changes_all_the_way", lambda *_: True)
+    assert len(answered(search).unlisted) == 4
+    monkeypatch.setattr(answer, "differs_by_pace", lambda *_: {"wheel_speed_delay": shape})
+    assert answered(search).unlisted == [shape]

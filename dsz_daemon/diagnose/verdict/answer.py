@@ -99,7 +99,9 @@ def answered(
         # What is left of a channel that is explained may be how the simulation draws what explains it.
         return left.channel in unexplained or left.gain >= asked_of(found.drive, left.effect.name, found.gains)
 
-    shapes = [*beside, *times_that_change(found.drive, found.best, changing), *by_pace.values(), *late.values()]
+    # When a time is another one says more than that it is.
+    shapes = [*beside, *times_that_change(found.drive, found.best, changing - set(by_pace))]
+    shapes += [*by_pace.values(), *late.values()]
     shapes += [*unlisted(found.drive, found.rows, found.best, there, is_enough)]
     shapes += [*wheel_shapes(found.drive, found.best), *pull_shapes(found.drive, found.best)]
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
