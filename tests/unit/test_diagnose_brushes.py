@@ -13,12 +13,14 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.spreads import spread_of
 from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.verdict import numbers
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.grip import over_shapes, shape
 
@@ -45,7 +47,9 @@ def test_an_axle_of_brushes_pushes_as_one() -> None:
 
 def test_brushes_are_named_and_tyres_within_their_tolerance_are_not_blamed() -> None:
     """Without their curve stiffnesses gave way to the end of their tolerance, and the friction with them."""
-    told = answered(found(drive(BRUSHES, CITY_V, 1.3 * CITY_STEER)))
+    search = found(drive(BRUSHES, CITY_V, 1.3 * CITY_STEER))
+    assert 0.5 < search.best.x[BRUSH] <= 1.0
+    told = answered(search)
     assert (told.verdict, [cause.effect for cause in told.causes]) == ("explained", ["tyre_saturation"])
     friction = told.causes[0].parameters["friction_coefficient"]
     assert isinstance(friction.value, float)
@@ -94,3 +98,23 @@ def test_whether_grip_ends_is_told_whatever_bends_it() -> None:
     wide = fit._replace(std=fit.std * (0.6 * fit.x[LIMIT] / fit.std[at]))
     assert wide.x[LIMIT] < 2.0 * wide.std[at]
     assert is_told(one, wide, "tyre_saturation")
+
+
+def test_both_limits_begin_as_a_brush_in_part() -> None:
+    """What a guess has none of is not fitted."""
+    ice = {"low_friction.inverse_square": FRICTION**-2, "low_friction.brush": 1.0}
+    ice |= {"low_friction.start_s": 20.0, "low_friction.end_s": 40.0}
+    for left_out in (BRUSHES, ice):
+        effect = next(iter(left_out)).partition(".")[0]
+        one = drive(left_out, CITY_V, 1.3 * CITY_STEER)
+        rows = rows_of(one)
+        start = dict(guesses(one, rows, fitted(one, rows, nothing(), (), TOLERANCE)))[effect]
+        assert 0.0 < start[INDEX[f"{effect}.brush"]] < 0.1
+
+
+def test_a_share_comes_with_the_curve_that_it_was_fitted_with() -> None:
+    one, x = drive({}, CITY_V, CITY_STEER), nothing()
+    x[[LIMIT, SHARPNESS, BRUSH]] = FRICTION**-2, -0.5, 0.7
+    search: Any = SimpleNamespace(drive=one, best=SimpleNamespace(x=x, road=flat(N)), rows=rows_of(one))
+    _, sharpness, brush = numbers._front_share(search, "tyre_saturation")
+    assert (sharpness, brush) == pytest.approx((2.0, 0.7))
