@@ -22,7 +22,7 @@ from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import numbers
 from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.grip import over_shapes, shape
+from dsz_daemon.diagnose.verdict.grip import _SHAPES, over_shapes, shape
 
 FRICTION = 0.4
 LIMIT, SHARPNESS, BRUSH = (INDEX[f"tyre_saturation.{name}"] for name in ("inverse_square", "sharpness", "brush"))
@@ -74,15 +74,23 @@ def test_the_shapes_are_those_of_the_simulation() -> None:
     assert shape(np.array([1.0]), 2.0, 0.0)[0] == pytest.approx(2.0**-0.5)
 
 
+def test_a_brush_and_what_never_gets_to_its_limit_are_among_the_shapes() -> None:
+    x = np.array([0.2, 0.5, 1.0, 2.5, 10.0])
+    brush, slow = 1.0 - (1.0 - np.minimum(x / 3.0, 1.0)) ** 3, np.array([0.2, 0.5, 0.75, 0.9, 0.975])
+    for expected in (brush, slow):
+        assert sum(np.allclose(one(x), expected) for one in _SHAPES) == 1
+
+
 def test_a_limit_is_as_sure_as_its_curve_has_it() -> None:
-    """Of two numbers of one curve, that hang together by 0.6, the one is told 0.8 times as widely where both are."""
+    """Of numbers of one curve, with which a limit hangs together by 0.6 and 0.48: 1 - 0.36 - 0.2304 = 0.64^2."""
     columns = (LIMIT, SHARPNESS, BRUSH, INDEX["gyro_scale.z"])
     covariance = np.diag([4.0, 9.0, 1.0, 1.0])
     covariance[0, 1] = covariance[1, 0] = 0.6 * 2.0 * 3.0
+    covariance[0, 2] = covariance[2, 0] = 0.48 * 2.0 * 1.0
     # What other numbers share with it is no matter of a curve.
     covariance[0, 3] = covariance[3, 0] = 1.5
     fit: Any = SimpleNamespace(columns=columns, covariance=covariance, std=np.array([2.2, 3.0, 1.0, 1.0]))
-    assert spread_of(fit, LIMIT) == pytest.approx(2.2 * 0.8)
+    assert spread_of(fit, LIMIT) == pytest.approx(2.2 * 0.64)
     assert spread_of(fit, SHARPNESS) == 3.0
     assert spread_of(fit, INDEX["gyro_scale.z"]) == 1.0
 

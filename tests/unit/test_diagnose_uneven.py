@@ -107,6 +107,8 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         ((RATIO, "steering: k*sin(2*hand)"), {RATIO}),
         ((RATIO, "steering: k*(1-cos(hand))"), {RATIO}),
         (("tyre_saturation", RATIO, "gyro_z: k*ax*ay", "accel_y: k*ax*ay"), {RATIO, "tyre_saturation"}),
+        (("steering_offset", "gyro_scale", "gyro_z: k*|ay|", "accel_y: k*|ay|"), {"steering_offset"}),
+        (("steering_offset", "gyro_scale", "gyro_z: k*|r|", "accel_y: k*|ay|"), set()),
         (("tyre_saturation", RATIO, "gyro_z: k*ax*ay", "accel_y: k*ay^3"), set()),
         (("tyre_saturation", RATIO, "gyro_x: k*ax*ay", "accel_y: k*ax*ay"), set()),
         ((RATIO, "steering_backlash", "gyro_z: k*delta'"), {RATIO, "steering_backlash"}),

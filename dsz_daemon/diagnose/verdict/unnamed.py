@@ -113,7 +113,7 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
         names |= {"wheel_radius"}
     # What the yaw rate and the lateral acceleration show alike, each by itself, a car does.
     if yaws & slides:
-        names |= {*TURNS, *GRIP}
+        names |= {*TURNS, *GRIP, "steering_offset"}
     # And where it still turns by its steering and its tyres as none of these has it, none of these it is.
     if any(part in course and "ax" not in course for course in yaws for part in _OF_A_TURN):
         names |= {*TURNS, *GRIP, "steering_backlash"}
