@@ -126,3 +126,10 @@ def test_a_share_comes_with_the_curve_that_it_was_fitted_with() -> None:
     search: Any = SimpleNamespace(drive=one, best=SimpleNamespace(x=x, road=flat(N)), rows=rows_of(one))
     _, sharpness, brush = numbers._front_share(search, "tyre_saturation")
     assert (sharpness, brush) == pytest.approx((2.0, 0.7))
+
+
+def test_no_limit_is_told_better_than_tyres_have_curves() -> None:
+    """Far beyond the limit all shapes agree to a percent; a tyre has none of them."""
+    mean, spread = over_shapes(shape(np.linspace(6.0, 12.0, 200), 2.5, 0.0), 2.5)
+    assert mean == pytest.approx(1.0, abs=0.03)
+    assert 0.03 <= spread < 0.05
