@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import nothing
 from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.road import flat
+from dsz_daemon.diagnose.simulation.tyre_curve import bent
 from dsz_daemon.diagnose.verdict import numbers
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.grip import _SHAPES, over_shapes, shape
@@ -65,13 +66,19 @@ def test_a_limit_is_read_off_the_curve_that_was_fitted(brush: float) -> None:
     mean, spread = over_shapes(shape(demand, 2.5, brush), 2.5, brush)
     assert abs(mean - 1.0) < 2.0 * spread < 0.3
     # Another curve than that of the forces reads another demand off them, and all limits with it.
-    assert over_shapes(shape(demand, 2.5, brush), 2.5, 1.0 - brush)[0] != pytest.approx(mean, abs=1e-3) or brush == 0.5
+    other = 1.0 if brush < 1.0 else 0.0
+    assert over_shapes(shape(demand, 2.5, brush), 2.5, other)[0] != pytest.approx(mean, abs=1e-3)
 
 
 def test_the_shapes_are_those_of_the_simulation() -> None:
     slid = 1.0 - (1.0 - np.minimum(np.array([0.3, 1.5, 2.9, 3.5, 40.0]) / 3.0, 1.0)) ** 3
     np.testing.assert_allclose(shape(np.array([0.3, 1.5, 2.9, 3.5, 40.0]), 2.5, 1.0), slid, rtol=1e-12)
     assert shape(np.array([1.0]), 2.0, 0.0)[0] == pytest.approx(2.0**-0.5)
+    # Of many at once it is what the simulation has of one.
+    x = np.linspace(0.05, 12.0, 100)
+    for sharpness, brush in ((1.7, -0.6), (2.5, 0.0), (4.0, 0.4), (9.0, 1.0)):
+        each = [one * bent(one, sharpness, brush) for one in x.tolist()]
+        np.testing.assert_allclose(shape(x, sharpness, brush), each, rtol=1e-12)
 
 
 def test_a_brush_and_what_never_gets_to_its_limit_are_among_the_shapes() -> None:

@@ -41,7 +41,7 @@ def test_what_follows_by_a_second_is_no_suspension(by_s: float, is_named: bool) 
     if is_named:
         return
     assert told.verdict == "unexplained"
-    shape = next(shape for shape in told.unlisted if shape.shape == "k*ay, followed by a second")
+    shape = next(shape for shape in told.unlisted if shape.shape == "k*ay, slowly")
     assert (shape.channel, shape.coefficient.unit) == ("accel_y", "1")
     assert shape.coefficient.value == pytest.approx(9.80665 * PER_MPS2, rel=0.5)
 
@@ -62,7 +62,7 @@ def test_it_has_to_be_slow_for_sure(effect: str, gradient: str, channel: str, co
         return leans_late(SimpleNamespace(effects=effects, columns=columns, x=x, std=np.array([0.001, std])))  # type: ignore[arg-type]
 
     (shape,) = late(-0.6, 0.04).values()
-    assert (shape.channel, shape.shape) == (channel, f"k*{course}, followed by a second")
+    assert (shape.channel, shape.shape) == (channel, f"k*{course}, slowly")
     assert shape.coefficient.value == pytest.approx(0.0980665)
     assert shape.coefficient.std == pytest.approx(0.00980665)
     assert with_their_roads(late(-0.6, 0.04)) == {effect, road}

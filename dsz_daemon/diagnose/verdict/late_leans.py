@@ -1,4 +1,4 @@
-"""A body that leans, or dives, later than any does on its springs: what follows by a second is no suspension."""
+"""A body that leans, or dives, later than any on its springs: what follows by a second is no suspension."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def leans_late(fit: Fit) -> dict[str, Shape]:
             continue
         if fit.x[share] + _SURELY * fit.std[fit.columns.index(share)] < _SLOWEST:
             k, std = float(fit.x[number]), float(fit.std[fit.columns.index(number)])
-            found[effect] = Shape(channel, f"k*{course}, followed by a second", Coefficient(G * k, G * std, "1"), 1.0)
+            found[effect] = Shape(channel, f"k*{course}, slowly", Coefficient(G * k, G * std, "1"), 1.0)
     return found
 
 

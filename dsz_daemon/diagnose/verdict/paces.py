@@ -45,7 +45,7 @@ _HALF, _NEARLY = 0.5, 0.98
 # 3.0 spreads; brackets that tip in hard bends by 0.75 and 0.79, loads that slide once by 0.77 and 0.96, a body that its
 # engine rolls by 3.6, all at 7 and more.
 # Nor of 15 delays of wheel speeds that were right by more than 0.06 as they were driven or braked; of wheel speeds that
-# rise at once, and fall smoothly, each by 1.9 and 15 spreads.
+# rise at once, and fall smoothly, by 1.9 and 2.0 of it, at 15 spreads each.
 _OF_ITSELF, _SPREADS = 0.5, 3.0
 _NO_SLOPE = 1e-12
 
