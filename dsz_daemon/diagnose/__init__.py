@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parame
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
-from dsz_daemon.diagnose.faults.single_readings import coarse_steering, told_by_readings
+from dsz_daemon.diagnose.faults.single_readings import coarse_steering, coarse_wheels, told_by_readings
 from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.faults.wiring import wiring_of
@@ -88,7 +88,7 @@ def diagnose(
     if input_faults:
         signals = wiring.mended_signals(signals)
         recording = recorded(signals, steering_ratio, reference)
-    coarse = coarse_steering(signals, steering_ratio)
+    coarse = [*coarse_steering(signals, steering_ratio), *coarse_wheels(signals)]
     drive = drive_of(recording, car, steering_ratio, words)
     rows = rows_of(drive)
     length_s = driven_s(drive, rows)

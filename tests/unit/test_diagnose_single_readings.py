@@ -9,7 +9,13 @@ from test_diagnose_choices import CITY_STEER, CITY_V, drive, found
 from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
 
 from dsz_daemon.diagnose import diagnose
-from dsz_daemon.diagnose.faults.single_readings import STEPS, coarse_steering, told_by_readings
+from dsz_daemon.diagnose.faults.single_readings import (
+    STEPS,
+    coarse_steering,
+    coarse_wheels,
+    hidden_by_steps,
+    told_by_readings,
+)
 from dsz_daemon.diagnose.recordings.recording import recorded, white_std
 from dsz_daemon.diagnose.recordings.rounding import coarse_step
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
@@ -200,3 +206,30 @@ def test_how_a_hand_moves_of_which_only_steps_are_known_is_not_said(monkeypatch:
     # Nor is a car harder to turn that turns otherwise.
     monkeypatch.setattr(answer, "turned_by_another", lambda *_: (set(), ["gyro_z"]))
     assert answered(late).parameter_errors == []
+
+
+def test_wheel_speeds_of_which_only_steps_are_known_are_said_and_hide_what_comes_with_them() -> None:
+    speed_mps = 8.0 + 4.0 * np.sin(0.2 * TIME_S)
+    signals = {f"wheel_speed_{at}": signal(np.round(speed_mps / 0.6) * 0.6) for at in ("fl", "rr")}
+    shapes = coarse_wheels(signals)
+    assert [(shape.channel, shape.shape, shape.coefficient.unit) for shape in shapes] == [
+        (name, STEPS, "m/s") for name in signals
+    ]
+    assert [shape.coefficient.value for shape in shapes] == pytest.approx([0.6, 0.6])
+    # A dashboard's 1 km/h is a resolution.
+    assert coarse_wheels({"wheel_speed_fl": signal(np.round(speed_mps * 3.6) / 3.6)}) == []
+    assert coarse_wheels({"wheel_speed_fl": signal(speed_mps)}) == []
+
+    by_wheels, by_hand = hidden_by_steps(shapes), hidden_by_steps([shapes[0]._replace(channel="steering_wheel_angle")])
+    assert {"accel_scale", "gyro_scale"} <= by_wheels - by_hand
+    assert "steering_backlash" in by_hand - by_wheels
+    assert hidden_by_steps([shapes[0]._replace(shape="+-k in single readings")]) == frozenset()
+
+
+def test_a_scale_of_an_accelerometer_beside_wheel_speeds_in_coarse_steps_has_no_name() -> None:
+    steps = Shape("wheel_speed_rl", STEPS, Coefficient(1.1, 0.0, "m/s"), 1.0)
+    weak = found(drive({"accel_scale.y": 0.1}, CITY_V, CITY_STEER))
+    assert [cause.effect for cause in answered(weak).causes] == ["accel_scale"]
+    said = answered(weak, beside=[steps])
+    assert said.causes == []
+    assert said.unlisted[0] == steps

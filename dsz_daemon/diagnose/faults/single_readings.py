@@ -6,15 +6,15 @@ samples. Hits on a line look so, and torn words (one half of a number old), if t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.recordings.recording import steering_step, white_std
+from dsz_daemon.diagnose.recordings.recording import step_of, white_std
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
-from dsz_daemon.signals import IMU_CHANNELS
+from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -30,8 +30,18 @@ EVERY_OTHER = "in every other reading"
 # 1.5 degrees.
 _COARSE_RAD, STEPS = np.radians(4.0), "steps of k"
 # What such steps look like: something that is late, or loose, or lasts.
-HIDDEN_BY_STEPS = frozenset(
+_BY_THE_HAND = frozenset(
     {"steering_delay", "steering_backlash", "steering_compliance", "tyre_relaxation", "yaw_inertia"}
+)
+# Nor do wheel speeds that are known no better than by such steps say what comes with them, or with how they change: the
+# coarsest of dashboards are of 1 km/h.
+_COARSE_MPS = 0.5
+_BY_THE_WHEELS = frozenset(
+    {
+        *("accel_scale", "gyro_scale", "imu_lever_arm", "road_grade", "suspension_pitch", "track_width"),
+        *("wheel_radius", "wheel_slip", "wheel_speed_delay", "steering_ratio", "tyre_relaxation", "yaw_inertia"),
+        *("steering_compliance", "cornering_stiffness", "mass_loading"),
+    }
 )
 _OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
 
@@ -72,10 +82,27 @@ def coarse_steering(signals: Mapping[str, Signal], steering_ratio: float) -> lis
     """What is said of a steering angle that is told in coarse steps of the hand wheel, rad."""
     found = []
     for name, ratio in (("steering_wheel_angle", 1.0), ("road_wheel_angle", steering_ratio)):
-        step_rad = steering_step(signals.get(name))
+        step_rad = step_of(signals.get(name))
         if step_rad * ratio > _COARSE_RAD:
             found.append(Shape(name, STEPS, Coefficient(step_rad, white_std(signals[name].values), "rad"), 1.0))
     return found
+
+
+def coarse_wheels(signals: Mapping[str, Signal]) -> list[Shape]:
+    """What is said of wheel speeds, m/s, that are told in coarse steps."""
+    steps = {name: step_of(signals.get(name)) for name in WHEEL_SPEEDS}
+    return [
+        Shape(name, STEPS, Coefficient(step, white_std(signals[name].values), "m/s"), 1.0)
+        for name, step in steps.items()
+        if step > _COARSE_MPS
+    ]
+
+
+def hidden_by_steps(shapes: Sequence[Shape]) -> frozenset[str]:
+    """What coarse steps of what drives the simulation look like."""
+    stepped = {shape.channel for shape in shapes if shape.shape == STEPS}
+    by_wheels = _BY_THE_WHEELS if stepped & set(WHEEL_SPEEDS) else frozenset[str]()
+    return by_wheels | (_BY_THE_HAND if stepped - set(WHEEL_SPEEDS) else frozenset[str]())
 
 
 def _away(values: Floats) -> Floats:

@@ -87,7 +87,7 @@ def recorded(
         signals.get("steering_wheel_angle" if by_hand else "road_wheel_angle"),
         steering_ratio if by_hand else 1.0,
     )
-    steering, step = _on_grid(told, first, time_s) / ratio, steering_step(told)
+    steering, step = _on_grid(told, first, time_s) / ratio, step_of(told)
     rounding = rounded_anew(told, step, white_std(told.values)) if told is not None and step > 0.0 else []
     steering_kernel = _kernel_of(told)
     smooth = {name: filtered(values, kernels[name]) for name, values in raw.items()}
@@ -220,8 +220,8 @@ def filtered(values: Floats, kernel: Floats) -> Floats:
     return np.convolve(padded, kernel, mode="valid")
 
 
-def steering_step(signal: Signal | None) -> float:
-    """The steps in which a steering angle is told, in its unit, behind noise as well; 0 without one."""
+def step_of(signal: Signal | None) -> float:
+    """The steps in which a signal is told, in its unit, behind noise as well; 0 without one."""
     return max(_step(signal), coarse_step(signal)) if signal is not None else 0.0
 
 

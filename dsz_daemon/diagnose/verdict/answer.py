@@ -8,7 +8,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
-from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, HIDDEN_BY_STEPS, STEPS
+from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, STEPS, hidden_by_steps
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
@@ -64,9 +64,9 @@ def answered(
     no_names |= curve_of_an_axle(found) | driven_by_other_wheels(found, level)
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
-    # Nor is known how a hand moves of which only steps are.
+    # Nor is known how a hand or a wheel moves of which only steps are.
     by_steps = any(one.shape == STEPS for one in beside)
-    no_names |= HIDDEN_BY_STEPS if by_steps else set()
+    no_names |= hidden_by_steps(beside)
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
     changing = {effect for effect in effects if changes_all_the_way(found.drive, found.rows, found.best, effect)}
     by_pace = differs_by_pace(found.drive, found.rows, found.best, each)
@@ -82,7 +82,7 @@ def answered(
     # Within their tolerance tyres make up for how what turns a car without a name is drawn.
     if TYRES not in found.best.effects and any(map(is_of_the_car, sure)):
         withheld |= set(BEYOND[TYRES])
-    # Nor is a car that turns otherwise, or whose hand wheel only steps are known of, harder to turn.
+    # Nor is a car that turns otherwise, or whose hand wheel or speed only steps are known of, harder to turn.
     if turning or by_steps:
         withheld |= set(BEYOND["yaw_inertia"])
     errors = [error for error in parameter_errors(found, each) if error.parameter not in withheld]
