@@ -20,9 +20,10 @@ from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parame
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
-from dsz_daemon.diagnose.faults.single_readings import coarse_steering, coarse_wheels, told_by_readings
+from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_steering, told_by_readings
 from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
+from dsz_daemon.diagnose.faults.stuck_readings import told_by_standing
 from dsz_daemon.diagnose.faults.wiring import wiring_of
 from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, rows_of
@@ -81,6 +82,7 @@ def diagnose(
     words = vocabulary(effects)
     if say is not None:
         say("looking for axes that are not what they are called")
+    signals, standing = told_by_standing(signals)
     signals, single = told_by_readings(signals)
     recording = recorded(signals, steering_ratio, reference)
     role = BY_HAND if BY_HAND in signals else AT_THE_ROAD
@@ -88,7 +90,7 @@ def diagnose(
     if input_faults:
         signals = wiring.mended_signals(signals)
         recording = recorded(signals, steering_ratio, reference)
-    coarse = [*coarse_steering(signals, steering_ratio), *coarse_wheels(signals)]
+    coarse = [*coarse_steering(signals, steering_ratio), *coarse_readings(signals)]
     drive = drive_of(recording, car, steering_ratio, words)
     rows = rows_of(drive)
     length_s = driven_s(drive, rows)
@@ -129,7 +131,7 @@ def diagnose(
         ) from error
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
-    beside = [*single, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
+    beside = [*standing, *single, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)

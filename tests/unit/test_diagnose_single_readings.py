@@ -11,8 +11,8 @@ from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
 from dsz_daemon.diagnose import diagnose
 from dsz_daemon.diagnose.faults.single_readings import (
     STEPS,
+    coarse_readings,
     coarse_steering,
-    coarse_wheels,
     hidden_by_steps,
     told_by_readings,
 )
@@ -211,14 +211,21 @@ def test_how_a_hand_moves_of_which_only_steps_are_known_is_not_said(monkeypatch:
 def test_wheel_speeds_of_which_only_steps_are_known_are_said_and_hide_what_comes_with_them() -> None:
     speed_mps = 8.0 + 4.0 * np.sin(0.2 * TIME_S)
     signals = {f"wheel_speed_{at}": signal(np.round(speed_mps / 0.6) * 0.6) for at in ("fl", "rr")}
-    shapes = coarse_wheels(signals)
+    shapes = coarse_readings(signals)
     assert [(shape.channel, shape.shape, shape.coefficient.unit) for shape in shapes] == [
         (name, STEPS, "m/s") for name in signals
     ]
     assert [shape.coefficient.value for shape in shapes] == pytest.approx([0.6, 0.6])
     # A dashboard's 1 km/h is a resolution.
-    assert coarse_wheels({"wheel_speed_fl": signal(np.round(speed_mps * 3.6) / 3.6)}) == []
-    assert coarse_wheels({"wheel_speed_fl": signal(speed_mps)}) == []
+    assert coarse_readings({"wheel_speed_fl": signal(np.round(speed_mps * 3.6) / 3.6)}) == []
+    assert coarse_readings({"wheel_speed_fl": signal(speed_mps)}) == []
+    # What ten bits make of an analog IMU is one, too; sensors' own steps hide nothing of a car.
+    imu = {"gyro_z": signal(np.round(COURSE / 0.03) * 0.03), "accel_y": signal(np.round(COURSE / 0.4) * 0.4)}
+    found = coarse_readings(imu)
+    assert [(shape.channel, shape.coefficient.unit) for shape in found] == [("gyro_z", "rad/s"), ("accel_y", "m/s^2")]
+    assert hidden_by_steps(found) == frozenset()
+    assert coarse_readings({"gyro_z": signal(np.round(COURSE / 0.0122) * 0.0122)}) == []
+    assert coarse_readings({"accel_y": signal(np.round(COURSE / 0.16) * 0.16)}) == []
 
     by_wheels, by_hand = hidden_by_steps(shapes), hidden_by_steps([shapes[0]._replace(channel="steering_wheel_angle")])
     assert {"accel_scale", "gyro_scale"} <= by_wheels - by_hand

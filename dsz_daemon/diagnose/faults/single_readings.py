@@ -6,6 +6,7 @@ samples. Hits on a line look so, and torn words (one half of a number old), if t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -34,8 +35,8 @@ _BY_THE_HAND = frozenset(
     {"steering_delay", "steering_backlash", "steering_compliance", "tyre_relaxation", "yaw_inertia"}
 )
 # Nor do wheel speeds that are known no better than by such steps say what comes with them, or with how they change: the
-# coarsest of dashboards are of 1 km/h.
-_COARSE_MPS = 0.5
+# coarsest of dashboards are of 1 km/h. An analog IMU behind ten bits has 0.7 deg/s and 0.16 m/s2.
+_COARSE = {"gyro": (math.radians(1.0), "rad/s"), "accel": (0.25, "m/s^2"), "wheel": (0.5, "m/s")}
 _BY_THE_WHEELS = frozenset(
     {
         *("accel_scale", "gyro_scale", "imu_lever_arm", "road_grade", "suspension_pitch", "track_width"),
@@ -43,7 +44,7 @@ _BY_THE_WHEELS = frozenset(
         *("steering_compliance", "cornering_stiffness", "mass_loading"),
     }
 )
-_OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
+OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
 
 
 class Readings(NamedTuple):
@@ -88,19 +89,19 @@ def coarse_steering(signals: Mapping[str, Signal], steering_ratio: float) -> lis
     return found
 
 
-def coarse_wheels(signals: Mapping[str, Signal]) -> list[Shape]:
-    """What is said of wheel speeds, m/s, that are told in coarse steps."""
-    steps = {name: step_of(signals.get(name)) for name in WHEEL_SPEEDS}
-    return [
-        Shape(name, STEPS, Coefficient(step, white_std(signals[name].values), "m/s"), 1.0)
-        for name, step in steps.items()
-        if step > _COARSE_MPS
-    ]
+def coarse_readings(signals: Mapping[str, Signal]) -> list[Shape]:
+    """What is said of IMU readings and wheel speeds, SI, that are told in coarse steps."""
+    found = []
+    for name in (*IMU_CHANNELS, *WHEEL_SPEEDS):
+        step, (least, unit) = step_of(signals.get(name)), _COARSE[name.partition("_")[0]]
+        if step > least:
+            found.append(Shape(name, STEPS, Coefficient(step, white_std(signals[name].values), unit), 1.0))
+    return found
 
 
 def hidden_by_steps(shapes: Sequence[Shape]) -> frozenset[str]:
     """What coarse steps of what drives the simulation look like."""
-    stepped = {shape.channel for shape in shapes if shape.shape == STEPS}
+    stepped = {shape.channel for shape in shapes if shape.shape == STEPS} - set(IMU_CHANNELS)
     by_wheels = _BY_THE_WHEELS if stepped & set(WHEEL_SPEEDS) else frozenset[str]()
     return by_wheels | (_BY_THE_HAND if stepped - set(WHEEL_SPEEDS) else frozenset[str]())
 
@@ -144,7 +145,7 @@ def _every_other(name: str, signal: Signal, unit: str) -> list[Shape]:
     std = np.std(left) * np.sqrt(np.diag(np.linalg.pinv(table.T @ table)))
     if not np.sum(left**2) < (1.0 - _MOST) * np.sum(away**2):
         return []
-    terms = ((f"k {EVERY_OTHER}", unit), (f"k*{_OWN[name]} {EVERY_OTHER}", "1"))
+    terms = ((f"k {EVERY_OTHER}", unit), (f"k*{OWN[name]} {EVERY_OTHER}", "1"))
     return [
         Shape(name, shape, Coefficient(abs(2.0 * float(k[i])), 2.0 * float(std[i]), of), 0.5)
         for i, (shape, of) in enumerate(terms)

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.effects.shape_names import with_shapes
-from dsz_daemon.diagnose.fitting.gains import quiet
+from dsz_daemon.diagnose.fitting.gains import far_off, quiet
 from dsz_daemon.diagnose.fitting.model import Fit, Slopes, box_of
 from dsz_daemon.diagnose.residuals.comparison import Bools, Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import Box, Sums, inverse, sums
 from dsz_daemon.diagnose.shapes.beside import step_beside, taken_beside
+from dsz_daemon.diagnose.shapes.own_ways import own_motion, own_ways
 from dsz_daemon.diagnose.shapes.steered import steered_shape
 from dsz_daemon.diagnose.shapes.unlisted import (
     BY_CHANCE,
@@ -61,7 +62,8 @@ def likeliest_shapes(
 
     def of_a_sensor(inside: Each) -> Found | None:
         shapes = [best_shape(drive, rows, fit, inside)]
-        if beside:
+        # Where much is left and has no shape, tyres within their tolerance may have bent to it.
+        if beside or (shapes[0] is None and far_off(drive, fit)[: len(IMU_CHANNELS)].any()):
             shapes.append(shape_beside(drive, rows, fit, known, tolerance, quiet(drive, fit), inside))
         return max((shape for shape in shapes if shape is not None), key=lambda shape: shape.gain, default=None)
 
@@ -120,30 +122,30 @@ def another_course(
 
 def _shapes(drive: Drive, rows: Rows, fit: Fit, slopes: Floats, channels: Collection[str]) -> list[_Shape]:
     """Each shape of each of these channels, with its sums by block, in the channels' scatter."""
-    library_here = library(driven(drive, fit.x, fit.road), drive)
-    names, courses = list(library_here), np.column_stack([course for course, _ in library_here.values()])
+    moving = driven(drive, fit.x, fit.road)
+    library_here = library(moving, drive)
     blocks, found = int(rows.block[-1]) + 1, []
     for c, channel in enumerate(IMU_CHANNELS):
         used = rows.used[:, c]
         if channel not in channels or np.count_nonzero(used) < LEAST_ROWS:
             continue
+        own, here = own_motion(moving, channel), {n: it for n, it in library_here.items() if not is_named(n, channel)}
+        here |= own_ways(channel, own, fit.left[used, c], rows.at[used]) if own is not None else {}
         scatter = fit.scatter[rows.block, c]
+        courses = np.column_stack([course for course, _ in here.values()])
         # What is the same all the way is the offset's.
-        own_courses = courses - np.mean(courses[rows.at[used]], axis=0)
-        mine = np.where(used[:, np.newaxis], own_courses[rows.at], 0.0) / scatter[:, np.newaxis]
-        own, left = slopes[:, c] / scatter[:, np.newaxis], fit.left[:, c] / scatter
-        square, pull = np.zeros((blocks, len(names))), np.zeros((blocks, len(names)))
-        cross = np.zeros((blocks, len(names), slopes.shape[2]))
+        courses -= np.mean(courses[rows.at[used]], axis=0)
+        mine = np.where(used[:, np.newaxis], courses[rows.at], 0.0) / scatter[:, np.newaxis]
+        of_model, left = slopes[:, c] / scatter[:, np.newaxis], fit.left[:, c] / scatter
+        square, pull = np.zeros((blocks, len(here))), np.zeros((blocks, len(here)))
+        cross = np.zeros((blocks, len(here), slopes.shape[2]))
         for b in range(blocks):
             at = rows.block == b
             square[b], pull[b] = np.sum(mine[at] ** 2, axis=0), mine[at].T @ left[at]
-            cross[b] = mine[at].T @ own[at]
-        for k, name in enumerate(names):
-            if is_named(name, channel):
-                continue
-            over = library_here[name][1]
+            cross[b] = mine[at].T @ of_model[at]
+        for k, (name, (_, over)) in enumerate(here.items()):
             unit = f"({unit_of(c)})/({over})" if over else unit_of(c)
-            found.append(_Shape(c, name, unit, own_courses[:, k], square[:, k], cross[:, k], pull[:, k]))
+            found.append(_Shape(c, name, unit, courses[:, k], square[:, k], cross[:, k], pull[:, k]))
     return found
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import Floats
 from dsz_daemon.diagnose.recordings.recording import DT_S
+from dsz_daemon.diagnose.shapes.own_ways import is_dead_near_nothing
 
 _WARM_S = 60.0
 # Which channel shows what as its own.
@@ -37,7 +38,8 @@ def is_uneven(shape: str) -> bool:
 
 def sticks(shape: str, channel: str) -> bool:
     """Whether the channel does not follow its own motion near none of it: by that much less it shows, at any size."""
-    return shape in {f"sign({name})" for name in _SAME_SIGN.get(channel, ())}
+    signs = {f"sign({name})" for name in _SAME_SIGN.get(channel, ())}
+    return shape in signs or is_dead_near_nothing(shape, channel)
 
 
 def is_anothers(shape: str, channel: str) -> bool:

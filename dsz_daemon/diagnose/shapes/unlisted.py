@@ -19,7 +19,8 @@ from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filter
 from dsz_daemon.diagnose.residuals.comparison import FOLDS, Each, Ints, Rows, noises
 from dsz_daemon.diagnose.residuals.correlation import correlated_rows
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.shapes.jumps import jump_in
+from dsz_daemon.diagnose.shapes.jumps import jump_in, stay_in
+from dsz_daemon.diagnose.shapes.own_ways import own_motion, own_ways
 from dsz_daemon.diagnose.shapes.uneven_scales import is_anothers, uneven
 from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
 from dsz_daemon.diagnose.simulation.motion import AY, G, R
@@ -154,8 +155,11 @@ def unlisted(
 def _shapes_of(drive: Drive, rows: Rows, fit: Fit, known: Collection[str], each: Each = map) -> list[Found]:
     """The best shape of each IMU channel that is not `known`, where there is structure."""
     off = [c for c, channel in enumerate(CHANNELS[:6]) if channel not in known and _has_structure(drive, rows, fit, c)]
-    courses = library(driven(drive, fit.x, fit.road), drive) if off else {}
-    found = each(lambda c: _shape_of(drive, rows, fit, c, courses), off)
+    if not off:
+        return []
+    moving = driven(drive, fit.x, fit.road)
+    courses = library(moving, drive)
+    found = each(lambda c: _shape_of(drive, rows, fit, c, courses, own_motion(moving, CHANNELS[c])), off)
     return [shape for shape in found if shape is not None]
 
 
@@ -167,13 +171,16 @@ def _has_structure(drive: Drive, rows: Rows, fit: Fit, c: int) -> bool:
     return float(np.sqrt(np.mean(left**2))) >= _LEAST_LEVEL * float(np.hypot(noise, fit.form[c]))
 
 
-def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int, there: Mapping[str, tuple[Floats, str]]) -> Found | None:
+def _shape_of(
+    drive: Drive, rows: Rows, fit: Fit, c: int, there: Mapping[str, tuple[Floats, str]], own: Floats | None
+) -> Found | None:
     used = rows.used[:, c]
     left, block = fit.left[used, c], rows.block[used]
     coarse = len(left) * fit.form[c] ** 2
     best: Found | None = None
     shapes = {name: shape for name, shape in there.items() if not is_named(name, CHANNELS[c])}
     shapes |= _jump(drive, left, rows.at[used], block)
+    shapes |= own_ways(CHANNELS[c], own, left, rows.at[used]) if own is not None else {}
     courses = np.column_stack([np.zeros(len(left)), *(values[rows.at][used] for values, _ in shapes.values())])
     before, *each_after = (_unseen(courses, left, block) + coarse).tolist()
     for (name, (values, unit)), mine, after in zip(shapes.items(), courses.T[1:], each_after, strict=True):
@@ -196,12 +203,15 @@ def _shape_of(drive: Drive, rows: Rows, fit: Fit, c: int, there: Mapping[str, tu
 
 
 def _jump(drive: Drive, left: Floats, at: Ints, block: Ints) -> dict[str, tuple[Floats, str]]:
-    """An offset's jump as a shape: 1 from then on, which is no product of motion; empty where there is none."""
-    place = jump_in(left, at, block)
-    if place is None:
-        return {}
-    after = (np.arange(len(drive.steer)) >= place).astype(np.float64)
-    return {f"(t > {float(drive.recording.time_s[place]):.1f} s)": (after, "")}
+    """An offset's jump as a shape: 1 from then on, or for a while, which is no product of motion; empty without one."""
+    time_s, there = drive.recording.time_s, np.arange(len(drive.steer))
+    if (place := jump_in(left, at, block)) is not None:
+        return {f"(t > {time_s[place]:.1f} s)": ((there >= place).astype(np.float64), "")}
+    if (stay := stay_in(left, at, block)) is not None:
+        begin, end = stay
+        inside = ((there >= begin) & (there < end)).astype(np.float64)
+        return {f"({time_s[begin]:.1f} s < t < {time_s[min(end, len(time_s) - 1)]:.1f} s)": (inside, "")}
+    return {}
 
 
 def wheel_squares(drive: Drive, fit: Fit) -> dict[str, tuple[float, float]]:

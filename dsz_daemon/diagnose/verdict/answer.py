@@ -8,7 +8,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
-from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, STEPS, hidden_by_steps
+from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, hidden_by_steps
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
@@ -65,8 +65,8 @@ def answered(
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
     # Nor is known how a hand or a wheel moves of which only steps are.
-    by_steps = any(one.shape == STEPS for one in beside)
-    no_names |= hidden_by_steps(beside)
+    by_steps = hidden_by_steps(beside)
+    no_names |= by_steps
     effects = {effect for effect in found.best.effects if not is_shape(effect)}
     changing = {effect for effect in effects if changes_all_the_way(found.drive, found.rows, found.best, effect)}
     by_pace = differs_by_pace(found.drive, found.rows, found.best, each)

@@ -1,0 +1,79 @@
+"""What a sensor may do with what it feels: nothing near nothing, all but little, or follow it only after some play.
+
+How much that is stands in no library: it is the width that explains most of what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsz_daemon.diagnose.recordings.recording import filter_kernel, filtered
+from dsz_daemon.diagnose.simulation.drive import Floats
+from dsz_daemon.diagnose.simulation.motion import AY, R
+from dsz_daemon.diagnose.simulation.moving import Moving
+from dsz_daemon.diagnose.simulation.play import played
+
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+
+# Widths that are tried, of gyros, rad/s, and accelerometers, m/s2; and by so many between these then.
+_WIDTHS = {"gyro": (0.003, 0.1), "accel": (0.04, 1.2)}
+_TRIED, _NEARER = 10, 5
+_OWN_NAMES = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
+
+
+class _Way(NamedTuple):
+    """A course (n,) of own motion (n,) and a width; as it is written; and its unit, that of the motion or none."""
+
+    course: Callable[[Floats, float], Floats]
+    written: str
+    has_unit: bool
+
+
+_WAYS = (
+    _Way(lambda own, width: np.clip(own / width, -1.0, 1.0), "sat({own}/{width:.2g})", False),
+    _Way(lambda own, width: np.where(np.abs(own) < width, own, 0.0), "{own} where |{own}| < {width:.2g}", True),
+    _Way(lambda own, width: played(own, 2.0 * width) - own, "(play({own}, {width:.2g})-{own})", True),
+)
+
+
+def own_motion(moving: Moving, channel: str) -> Floats | None:
+    """What a channel (n,) feels of a car that moves so; None for those of which the nominal simulation has nothing."""
+    if channel == "gyro_z":
+        return moving.moved[:, R]
+    if channel == "accel_y":
+        return moving.moved[:, AY]
+    return filtered(moving.v_rate, filter_kernel()) if channel == "accel_x" else None
+
+
+def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, tuple[Floats, str]]:
+    """Of each way the course (n,) of the width that explains most of what is left (k,), with its unit.
+
+    `at` (k,): places of the rows on the grid of `own`.
+    """
+    name, (low, high) = _OWN_NAMES[channel], _WIDTHS[channel.partition("_")[0]]
+    unit = "rad/s" if channel.startswith("gyro") else "m/s2"
+    level = left - np.mean(left)
+    found = {}
+    for way in _WAYS:
+
+        def taken(width: float, way: _Way = way) -> float:
+            course = way.course(own, width)[at]
+            course = course - np.mean(course)
+            square = float(course @ course)
+            return float(course @ level) ** 2 / square if square > 0.0 else 0.0
+
+        widths = np.geomspace(low, high, _TRIED)
+        best = int(np.argmax([taken(width) for width in widths]))
+        nearer = np.geomspace(widths[max(best - 1, 0)], widths[min(best + 1, _TRIED - 1)], _NEARER)
+        width = float(max(nearer, key=taken))
+        found[way.written.format(own=name, width=width)] = (way.course(own, width), unit if way.has_unit else "")
+    return found
+
+
+def is_dead_near_nothing(shape: str, channel: str) -> bool:
+    """Whether it is a channel's own motion that it does not show near nothing."""
+    name = _OWN_NAMES.get(channel)
+    return name is not None and shape.startswith((f"sat({name}/", f"{name} where |{name}|"))
