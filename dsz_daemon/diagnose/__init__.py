@@ -34,7 +34,7 @@ from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.another_car import with_own_numbers
-from dsz_daemon.diagnose.verdict.answer import answered, with_nothing_said
+from dsz_daemon.diagnose.verdict.answer import answered, with_nothing_said, with_what_has_no_shape
 from dsz_daemon.diagnose.verdict.said import Diagnosis
 from dsz_daemon.errors import InputError
 from dsz_daemon.pipeline.grid import Signal
@@ -135,7 +135,7 @@ def diagnose(
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)
-    return Diagnosed(said, found)
+    return Diagnosed(with_what_has_no_shape(said, found), found)
 
 
 def _where_steered(

@@ -29,6 +29,8 @@ _FAULTS = {"axis_fault", "configuration"}
 _INTEGRATED = {"road_bank": "gyro_x", "road_grade": "gyro_y"}
 # Less than this and the fit on unseen data is as it was.
 _BETTER = 1.05
+# What is left of a channel and follows no shape: its error says as much.
+_NO_SHAPE = "of no known shape"
 _SPIN = re.compile(r"k\*vx from ([\d.]+ to [\d.]+ s)")
 
 
@@ -137,9 +139,10 @@ def spins_of(result: Mapping[str, Any]) -> list[str]:
 def _worst(result: Mapping[str, Any]) -> str:
     """What is left where it is most, wheels that spin, and the shapes without a name."""
     unlisted = [one for one in entries(result.get("unlisted")) if not is_spin(one)]
+    unlisted = [one for one in unlisted if not told(one.get("shape")).endswith(_NO_SHAPE)]
     ends = [end_of(one) for one in unlisted]
     shapes = [title_of(told(one.get("channel")), result) for one, end in zip(unlisted, ends, strict=True) if not end]
-    if len(unlisted) < len(entries(result.get("unlisted"))):
+    if any(is_spin(one) for one in entries(result.get("unlisted"))):
         ends.append("wheels spin or slide")
     levels = {name: real(value) for name, value in mapping(result.get("level")).items()}
     known = {name: value for name, value in levels.items() if np.isfinite(value)}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 SHAPE, STEERING, REAR, MOMENT, TYRES = ": k*", "steering", "rear steering", "yaw moment", "tyres"
+# What is left of a channel, of which nothing better can be said.
+NO_SHAPE = "k rms, of no known shape"
 # Where what a car does may enter, and what that shows in.
 _OF_THE_CAR, _SHOWN_BY_IT = frozenset({STEERING, REAR, MOMENT, TYRES}), {"gyro_z", "accel_y"}
 

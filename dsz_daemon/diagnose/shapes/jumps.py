@@ -11,7 +11,8 @@ from dsz_daemon.diagnose.simulation.drive import Floats
 # So far from both ends, and by so many times as much as what is left beside it wanders (rms of blocks' means): a slow
 # noise's largest step.
 _SHORTEST_S, _FAR_BEYOND = 10.0, 8.0
-_PIECES = 300
+# Of a stay so many pieces are tried to begin and end with, and so many parts of it are alike to within so much.
+_PIECES, _PARTS, _EVEN = 300, 5, 0.3
 
 
 def jump_in(left: Floats, at: Ints, block: Ints) -> int | None:
@@ -60,7 +61,11 @@ def stay_in(left: Floats, at: Ints, block: Ints) -> tuple[int, int] | None:
         near = np.arange(max(end - piece, begin + 1), min(end + piece, n) + 1)
         end = int(near[np.argmax(taken(np.full(len(near), begin), near))])
     inside = (np.arange(n) >= begin) & (np.arange(n) < end)
-    return (int(at[begin]), int(at[end - 1]) + 1) if _is_beyond(left, inside, block) else None
+    # It stays: what is shorter, or comes and goes smoothly, is not as far off in all of it.
+    outside = float(np.mean(left[~inside]))
+    parts = np.array([np.mean(part) for part in np.array_split(left[inside], _PARTS)]) - outside
+    stays = float(np.ptp(parts)) < _EVEN * abs(float(np.mean(parts)))
+    return (int(at[begin]), int(at[end - 1]) + 1) if stays and _is_beyond(left, inside, block) else None
 
 
 def _is_beyond(left: Floats, there: Bools, block: Ints) -> bool:

@@ -18,24 +18,34 @@ from dsz_daemon.diagnose.simulation.play import played
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
-# Widths that are tried, of gyros, rad/s, and accelerometers, m/s2; and by so many between these then.
+# Widths that are tried, of gyros, rad/s, and accelerometers, m/s2: so many; and about the best of these again, twice.
 _WIDTHS = {"gyro": (0.003, 0.1), "accel": (0.04, 1.2)}
-_TRIED, _NEARER = 10, 5
+_TRIED, _ROUNDS = 10, 3
 _OWN_NAMES = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
 
 
+# What of its course a sensor shows that does so: all of it, but for what the rest of the model has bent to it.
+_SHOWN = (0.4, 1.6)
+
+
 class _Way(NamedTuple):
-    """A course (n,) of own motion (n,) and a width; as it is written; and its unit, that of the motion or none."""
+    """A course (n,) of own motion (n,) and a width; how much of it is shown; as it is written; if it has a unit."""
 
     course: Callable[[Floats, float], Floats]
+    shown: Callable[[float], float]
     written: str
     has_unit: bool
 
 
 _WAYS = (
-    _Way(lambda own, width: np.clip(own / width, -1.0, 1.0), "sat({own}/{width:.2g})", False),
-    _Way(lambda own, width: np.where(np.abs(own) < width, own, 0.0), "{own} where |{own}| < {width:.2g}", True),
-    _Way(lambda own, width: played(own, 2.0 * width) - own, "(play({own}, {width:.2g})-{own})", True),
+    _Way(lambda own, width: np.clip(own / width, -1.0, 1.0), lambda width: -width, "sat({own}/{width:.2g})", False),
+    _Way(
+        lambda own, width: np.where(np.abs(own) < width, own, 0.0),
+        lambda _: -1.0,
+        "{own} where |{own}| < {width:.2g}",
+        True,
+    ),
+    _Way(lambda own, width: played(own, 2.0 * width) - own, lambda _: 1.0, "(play({own}, {width:.2g})-{own})", True),
 )
 
 
@@ -49,7 +59,7 @@ def own_motion(moving: Moving, channel: str) -> Floats | None:
 
 
 def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, tuple[Floats, str]]:
-    """Of each way the course (n,) of the width that explains most of what is left (k,), with its unit.
+    """Of each way the course (n,) of the width that explains most of what is left (k,), with its unit; if one does.
 
     `at` (k,): places of the rows on the grid of `own`.
     """
@@ -62,13 +72,20 @@ def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, 
         def taken(width: float, way: _Way = way) -> float:
             course = way.course(own, width)[at]
             course = course - np.mean(course)
-            square = float(course @ course)
-            return float(course @ level) ** 2 / square if square > 0.0 else 0.0
+            square, pull = float(course @ course), float(course @ level)
+            if not (square > 0.0 and _SHOWN[0] < pull / square / way.shown(width) < _SHOWN[1]):
+                return 0.0
+            return pull**2 / square
 
-        widths = np.geomspace(low, high, _TRIED)
-        best = int(np.argmax([taken(width) for width in widths]))
-        nearer = np.geomspace(widths[max(best - 1, 0)], widths[min(best + 1, _TRIED - 1)], _NEARER)
-        width = float(max(nearer, key=taken))
+        least, most = low, high
+        for _ in range(_ROUNDS):
+            widths = np.geomspace(least, most, _TRIED)
+            gains = [taken(width) for width in widths]
+            best = int(np.argmax(gains))
+            least, most = widths[max(best - 1, 0)], widths[min(best + 1, _TRIED - 1)]
+        if not gains[best] > 0.0:
+            continue
+        width = float(widths[best])
         found[way.written.format(own=name, width=width)] = (way.course(own, width), unit if way.has_unit else "")
     return found
 

@@ -7,17 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
-from dsz_daemon.diagnose.effects.shape_names import is_of_the_car, is_shape
+from dsz_daemon.diagnose.effects.shape_names import NO_SHAPE, is_of_the_car, is_shape
 from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, hidden_by_steps
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
-from dsz_daemon.diagnose.residuals.locate import located
+from dsz_daemon.diagnose.residuals.locate import channel_names, located
 from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.smaller import asked_of
 from dsz_daemon.diagnose.shapes.eccentric import about_the_middle, circle_of
-from dsz_daemon.diagnose.shapes.unlisted import Found, Shape, pull_shapes, shapes_of_all, unlisted, wheel_shapes
+from dsz_daemon.diagnose.shapes.unlisted import (
+    Coefficient,
+    Found,
+    Shape,
+    pull_shapes,
+    shapes_of_all,
+    unit_of,
+    unlisted,
+    wheel_shapes,
+)
 from dsz_daemon.diagnose.simulation.drive import Floats
 from dsz_daemon.diagnose.verdict.aliases import same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause_of_another_car
@@ -26,6 +35,8 @@ from dsz_daemon.diagnose.verdict.goodness import goodness
 from dsz_daemon.diagnose.verdict.in_part import explains_a_part
 from dsz_daemon.diagnose.verdict.late_leans import leans_late, with_their_roads
 from dsz_daemon.diagnose.verdict.level import (
+    OF_A_TURN,
+    TURNED,
     curve_of_an_axle,
     doubt,
     doubt_of,
@@ -42,6 +53,7 @@ from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
 from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_change
 from dsz_daemon.diagnose.verdict.unnamed import not_named
 from dsz_daemon.diagnose.verdict.untested import untested
+from dsz_daemon.signals import IMU_CHANNELS
 
 
 def answered(
@@ -142,6 +154,27 @@ def with_nothing_said(said: Diagnosis, found: Search) -> tuple[Diagnosis, Search
     nominal = found.nominal
     places = located(found.drive, found.rows, nominal.left, _usual(found), nominal.per_row)
     return said._replace(verdict=verdict(False, True), level=level, located=said.located or places), alone
+
+
+def with_what_has_no_shape(said: Diagnosis, found: Search) -> Diagnosis:
+    """Where nothing is said of what is left, at least in which channels it is, the most first, and how much.
+
+    The rms is of all that is left, noise too; its spread that of the mean of blocks.
+    """
+    if said.causes or said.unlisted or said.verdict != verdict(False, True):
+        return said
+    turning = [channel for channel in OF_A_TURN if said.level.get(channel, 0.0) >= TURNED]
+    off = {*unexplained_of(found, said.level), *off_together(said.level)} or set(turning)
+    names, sums, shapes = channel_names(found.drive), found.best.sums, list[Shape]()
+    for name in sorted(off, key=lambda channel: -said.level[channel]):
+        c = names.index(name)
+        seen = sums.counts[:, c] > 0
+        powers = (sums.left[:, c] * found.best.scatter[:, c] ** 2)[seen] / sums.counts[seen, c]
+        rms = float(np.sqrt(np.average(powers, weights=sums.counts[seen, c])))
+        std = float(np.std(powers) / np.sqrt(len(powers)) / (2.0 * rms))
+        unit = "m/s" if name.startswith("wheel") else unit_of(IMU_CHANNELS.index(name)) if name in IMU_CHANNELS else "1"
+        shapes.append(Shape(name, NO_SHAPE, Coefficient(rms, std, unit), 1.0))
+    return said._replace(unlisted=shapes)
 
 
 def _names_slip_alone(causes: Sequence[Cause]) -> bool:

@@ -1,0 +1,128 @@
+"""diagnose: what stands still by itself: outputs that freeze, that are dead near nothing, wheels that are cut off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from core_cases import TUCSON
+from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
+
+from dsz_daemon.diagnose import diagnose
+from dsz_daemon.diagnose.faults.stuck_readings import told_by_standing
+from dsz_daemon.pipeline.grid import Signal
+
+N, STEP, NOISE = len(STAMPS), 2e-4, 0.003
+TIME_S = STAMPS * 1e-9
+RATE = 0.2 * np.sin(0.9 * TIME_S) + 0.05 * np.sin(2.3 * TIME_S)
+RNG = np.random.default_rng(8)
+
+
+def rounded(values: np.ndarray, step: float = STEP) -> np.ndarray:
+    return np.asarray(np.round(values / step) * step)
+
+
+READINGS = rounded(RATE + NOISE * RNG.normal(size=N))
+FREEZES = [(300, 345), (800, 850), (1400, 1432), (2000, 2060)]
+
+
+def freezing(values: np.ndarray) -> np.ndarray:
+    held = values.copy()
+    for begin, end in FREEZES:
+        held[begin:end] = values[begin]
+    return held
+
+
+def test_an_output_that_freezes_is_said_and_what_it_repeats_left_out() -> None:
+    found = told_by_standing({"gyro_z": signal(freezing(READINGS)), "accel_y": signal(READINGS)})
+    [shape] = found.shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == ("gyro_z", "the same for k", "s")
+    lengths_s = [(end - 1 - begin) * 0.01 for begin, end in FREEZES]
+    assert shape.coefficient.value == pytest.approx(np.median(lengths_s), abs=0.011)
+    left_out = [at for begin, end in FREEZES for at in range(begin + 1, end)]
+    assert shape.share == pytest.approx(len(left_out) / N, abs=2e-3)
+    kept = found.signals["gyro_z"]
+    assert set(left_out) == set(np.flatnonzero(~np.isin(STAMPS, kept.t_ns)))
+    assert kept.values.tolist() == np.delete(freezing(READINGS), left_out).tolist()
+    assert found.signals["accel_y"].values is READINGS
+
+
+def clipped() -> np.ndarray:
+    return np.clip(READINGS, -0.12, 0.12)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        READINGS,
+        # As often as noise in steps has it, and each reading sent five times.
+        rounded(RATE + NOISE * RNG.normal(size=N), 2.0 * NOISE),
+        np.repeat(READINGS[::5], 5)[:N],
+        # A range's end, where all stretches stand alike, and what never moves.
+        clipped(),
+        np.zeros(N),
+        np.where(TIME_S < 5.0, np.nan, freezing(READINGS)),
+    ],
+    ids=["noise", "coarse", "sent again", "clipped", "nothing", "gaps"],
+)
+def test_what_does_not_freeze_stays(values: np.ndarray) -> None:
+    found = told_by_standing({"gyro_z": signal(values)})
+    assert found.shapes == []
+    assert found.signals["gyro_z"].values is values
+
+
+def test_too_few_readings_tell_nothing() -> None:
+    few = Signal(STAMPS[:90], freezing(READINGS)[290:380])
+    assert told_by_standing({"gyro_z": few, "wheel_speed_fl": few}).shapes == []
+
+
+def test_a_sensor_that_is_dead_near_nothing_says_so_by_what_it_never_shows() -> None:
+    felt = READINGS + 0.01
+    dead = np.where(np.abs(RATE) < 0.05, 0.01, felt)
+    dead[~(np.abs(dead - 0.01) > 0.05)] = 0.01
+    found = told_by_standing({"gyro_z": signal(dead)})
+    [shape] = found.shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == ("gyro_z", "0 where |r| < k", "rad/s")
+    assert shape.coefficient.value == pytest.approx(0.05, rel=0.03)
+    assert shape.share == pytest.approx(np.mean(dead == 0.01))
+    assert found.signals["gyro_z"].values.tolist() == dead[dead != 0.01].tolist()
+
+
+def test_a_sensor_that_shows_little_is_not_dead() -> None:
+    # Less by as much, so that nothing is missing; one at rest whose noise is finer than its steps; one at its end.
+    less = np.sign(RATE) * np.maximum(np.abs(READINGS) - 0.05, 0.0)
+    at_rest = rounded(np.where(TIME_S < 8.0, 0.0, RATE + 0.1 * NOISE * RNG.normal(size=N)), 0.004)
+    at_its_end = np.where(RATE < 0.05, -0.01, READINGS)
+    for values in (less, at_rest, at_its_end):
+        assert told_by_standing({"gyro_z": signal(values)}).shapes == []
+
+
+SPEED_MPS = np.maximum(6.0 + 8.0 * np.sin(0.5 * TIME_S), 0.0)
+
+
+@pytest.mark.parametrize("noise_mps", [0.0, 0.01])
+def test_wheels_that_are_not_read_when_slow_say_from_which_speed_on(noise_mps: float) -> None:
+    read = np.where(SPEED_MPS < 2.2, 0.0, SPEED_MPS) + noise_mps * RNG.normal(size=N)
+    [shape] = told_by_standing({"wheel_speed_rl": signal(rounded(read, 0.003))}).shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == ("wheel_speed_rl", "0 where vx < k", "m/s")
+    assert shape.coefficient.value == pytest.approx(2.2, abs=0.06)
+    assert shape.share == pytest.approx(np.mean(SPEED_MPS < 2.2), abs=1e-3)
+
+
+def test_wheels_that_are_read_down_to_walking_pace_say_nothing() -> None:
+    dropped = SPEED_MPS.copy()
+    dropped[200:210] = dropped[900:910] = 0.0
+    coarse = rounded(SPEED_MPS, 1.2)
+    for values in (SPEED_MPS, np.where(SPEED_MPS < 0.9, 0.0, SPEED_MPS), dropped, coarse, SPEED_MPS + 5.0):
+        assert told_by_standing({"wheel_speed_rl": signal(values)}).shapes == []
+
+
+def test_a_diagnosis_goes_on_without_what_is_repeated() -> None:
+    signals = made(HAND, HAND)
+    rate = rounded(signals["gyro_z"].values + 1e-3 * RNG.normal(size=N), 1e-4)
+    assert diagnose(signals | {"gyro_z": signal(rate)}, TUCSON, RATIO).said.verdict == "consistent"
+    said = diagnose(signals | {"gyro_z": signal(freezing(rate))}, TUCSON, RATIO).said
+    assert said.verdict == "unexplained"
+    assert [(shape.channel, shape.shape) for shape in said.unlisted] == [("gyro_z", "the same for k")]
+    assert said.causes == []
+    # What is left of the channel is its noise.
+    assert said.level["gyro_z"] < 1.5
