@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive, found
 
+from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import rows_of
-from dsz_daemon.diagnose.selection.search import fitted
 from dsz_daemon.diagnose.shapes.jumps import jump_in, stay_in
 from dsz_daemon.diagnose.shapes.own_ways import is_dead_near_nothing, own_ways
+from dsz_daemon.diagnose.shapes.uneven_scales import is_of_two
 from dsz_daemon.diagnose.shapes.unlisted import best_shape
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
@@ -83,6 +84,9 @@ def test_the_width_is_the_one_that_explains_most() -> None:
         width = float(written.removeprefix(name).removesuffix("-r)").removesuffix(")"))
         assert width == pytest.approx(0.041, rel=0.12)
     assert {unit for _, unit in found_now.values()} == {"", "rad/s"}
+    # What is finer, or coarser, than what is looked for is something else.
+    for width in (0.002, 0.25):
+        assert not any("sat" in one for one in own_ways("gyro_z", own, (dead_zone(own, width) - own)[at], at))
     # Nor does what never moves explain anything.
     assert own_ways("accel_y", np.zeros(N), left, at) == {}
     # Nor do what is the other way round, or a small part of it, or far more.
@@ -98,6 +102,13 @@ def test_what_is_dead_near_nothing_is_of_its_own_channel() -> None:
     assert not is_dead_near_nothing("(play(ay, 0.3)-ay)", "accel_y")
     assert not is_dead_near_nothing("r where r > 0", "gyro_z")
     assert not is_dead_near_nothing("sat(r/0.02)", "gyro_x")
+    # All of these have a width besides how much.
+    assert is_of_two("sat(r/0.02)")
+    assert is_of_two("ay where |ay| < 0.3")
+    assert is_of_two("(play(ax, 0.3)-ax)")
+    assert is_of_two("r where r > 0")
+    assert not is_of_two("ay*|ay|")
+    assert not is_of_two("sign(ay)")
 
 
 def test_an_offset_that_stays_elsewhere_for_a_while_is_told_with_both_moments() -> None:

@@ -11,6 +11,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict import answer
+from dsz_daemon.diagnose.verdict import level as level_room
 from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.level import (
     curve_of_an_axle,
@@ -100,11 +101,41 @@ GYRO_Z, ACCEL_Y = 2, 4
     ],
 )
 def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
-    effects: tuple[str, ...], level: dict[str, float], names: set[str], channels: list[str]
+    effects: tuple[str, ...],
+    level: dict[str, float],
+    names: set[str],
+    channels: list[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # What a wind takes off is another test's.
+    monkeypatch.setattr(level_room, "nominal_level", lambda _: level)
     gains = {effect: 100.0 / (1.0 + i) for i, effect in enumerate(effects)}
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects), gains=gains)
     assert turned_by_another(search, level) == (names, channels)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "effects", "is_wind"),
+    [
+        # Gusts that are quicker than the course of a wind is drawn leave some; what is no wind leaves most.
+        (9.0, 2.2, ("side_wind",), True),
+        (8.5, 2.2, ("side_wind",), False),
+        (60.0, 2.9, ("side_wind",), True),
+        (60.0, 3.1, ("side_wind",), False),
+        (60.0, 2.2, ("gyro_scale", "side_wind"), False),
+        (60.0, 2.2, ("suspension_roll", "side_wind"), True),
+        (60.0, 2.2, ("cornering_stiffness", "side_wind"), False),
+    ],
+)
+def test_a_wind_of_quick_gusts_takes_most_of_what_is_left(
+    before: float, after: float, effects: tuple[str, ...], is_wind: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(level_room, "nominal_level", lambda _: {"gyro_z": before, "accel_y": 99.0})
+    there: Any = SimpleNamespace(
+        best=SimpleNamespace(effects=effects), gains=dict.fromkeys(effects, 100.0), nominal=None
+    )
+    names, channels = turned_by_another(there, {"gyro_z": after, "accel_y": 4.0})
+    assert (names, channels) == ((set(), []) if is_wind else (set(effects) - {"gyro_scale"}, ["gyro_z", "accel_y"]))
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ from dsz_daemon.diagnose.selection.trials import (
 )
 from dsz_daemon.diagnose.selection.two_roads import both_roads
 from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes
-from dsz_daemon.diagnose.shapes.uneven_scales import is_uneven
+from dsz_daemon.diagnose.shapes.uneven_scales import is_of_two
 from dsz_daemon.diagnose.shapes.unlisted import BY_CHANCE, Found
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
@@ -356,7 +356,7 @@ def _nameless(
 
     def least(shape: Found) -> float:
         # A scale is one number for what is told by two: when, and how much.
-        return named * (_SURELY_UNEVEN if is_uneven(shape.shape.removeprefix("k*")) else SURELY)
+        return named * (_SURELY_UNEVEN if is_of_two(shape.shape.removeprefix("k*")) else SURELY)
 
     def shaped(shape: Found, inside: Each) -> tuple[Drive, Fit, Found] | None:
         there, fit, one = _shaped(drive, rows, best, shape, tolerance, inside)

@@ -83,9 +83,10 @@ def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, 
             gains = [taken(width) for width in widths]
             best = int(np.argmax(gains))
             least, most = widths[max(best - 1, 0)], widths[min(best + 1, _TRIED - 1)]
-        if not gains[best] > 0.0:
-            continue
         width = float(widths[best])
+        # What is best at an end is something else that looks a little like it.
+        if not gains[best] > 0.0 or not low < width < high:
+            continue
         found[way.written.format(own=name, width=width)] = (way.course(own, width), unit if way.has_unit else "")
     return found
 
@@ -94,3 +95,8 @@ def is_dead_near_nothing(shape: str, channel: str) -> bool:
     """Whether it is a channel's own motion that it does not show near nothing."""
     name = _OWN_NAMES.get(channel)
     return name is not None and shape.startswith((f"sat({name}/", f"{name} where |{name}|"))
+
+
+def is_own_way(shape: str, channel: str) -> bool:
+    """Whether it is one of what a channel may do with its own motion."""
+    return is_dead_near_nothing(shape, channel) or shape.startswith(f"(play({_OWN_NAMES.get(channel)}, ")

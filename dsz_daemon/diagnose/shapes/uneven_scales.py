@@ -9,7 +9,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import Floats
 from dsz_daemon.diagnose.recordings.recording import DT_S
-from dsz_daemon.diagnose.shapes.own_ways import is_dead_near_nothing
+from dsz_daemon.diagnose.shapes.own_ways import is_dead_near_nothing, is_own_way
 
 _WARM_S = 60.0
 # Which channel shows what as its own.
@@ -34,6 +34,11 @@ def uneven(name: str, own: Floats, unit: str) -> dict[str, tuple[Floats, str]]:
 def is_uneven(shape: str) -> bool:
     """Whether it is one of these, of any channel."""
     return any(_is_of(shape, name) for name in _OWN.values())
+
+
+def is_of_two(shape: str) -> bool:
+    """Whether it is told by two numbers: when, or from how much on; and how much."""
+    return is_uneven(shape) or any(is_own_way(shape, channel) for channel in _OWN)
 
 
 def sticks(shape: str, channel: str) -> bool:
