@@ -121,6 +121,11 @@ def is_spin(shape: Mapping[str, Any]) -> bool:
     return _SPIN.fullmatch(told(shape.get("shape"))) is not None
 
 
+def is_formless(shape: Mapping[str, Any]) -> bool:
+    """Whether no shape is known of it: how much is left of a channel is all that is said."""
+    return told(shape.get("shape")).endswith(_NO_SHAPE)
+
+
 def spins_of(result: Mapping[str, Any]) -> list[str]:
     """In words, a sentence per wheel, when it spins or slides and by how much."""
     found = dict[tuple[str, str], list[tuple[str, float]]]()
@@ -138,8 +143,7 @@ def spins_of(result: Mapping[str, Any]) -> list[str]:
 
 def _worst(result: Mapping[str, Any]) -> str:
     """What is left where it is most, wheels that spin, and the shapes without a name."""
-    unlisted = [one for one in entries(result.get("unlisted")) if not is_spin(one)]
-    unlisted = [one for one in unlisted if not told(one.get("shape")).endswith(_NO_SHAPE)]
+    unlisted = [one for one in entries(result.get("unlisted")) if not is_spin(one) and not is_formless(one)]
     ends = [end_of(one) for one in unlisted]
     shapes = [title_of(told(one.get("channel")), result) for one, end in zip(unlisted, ends, strict=True) if not end]
     if any(is_spin(one) for one in entries(result.get("unlisted"))):

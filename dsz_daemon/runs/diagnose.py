@@ -19,7 +19,7 @@ from dsz_daemon.edge.small_arrays import keep_freed_memory
 from dsz_daemon.errors import InputError, MachineError
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
-from dsz_daemon.report.diagnosis_words import end_of, is_spin, spins_of
+from dsz_daemon.report.diagnosis_words import end_of, is_formless, is_spin, spins_of
 from dsz_daemon.runs.hands import Hands
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
@@ -136,13 +136,16 @@ def words(result: dict[str, Any]) -> str:
         if is_spin(shape):
             continue
         k = f"{shape['coefficient']['value']:.3g} {shape['coefficient']['unit']}"
+        if is_formless(shape):
+            lines.append(f"- {shape['channel']}: {k} (rms) is left, of no known shape")
+            continue
         told = end_of(shape) or f"{shape['channel']}: {shape['shape']} with k = {k}"
         lines.append(f"- {told}, for which there is no name")
     lines += [f"- {one['statement']}" for key in ("same_as_offsets", "same_as_slip") for one in result[key]]
     levels, off = result["level"], list[str]()
     if any(value > UNEXPLAINED for value in levels.values()):
         off = [f"{name} {value:.0f} times" for name, value in levels.items() if value > UNEXPLAINED]
-    elif not result["unlisted"]:
+    elif all(map(is_formless, result["unlisted"])):
         # What is left is how the car turns: by less, but by too much for the name that it would have.
         off = [f"{name} {levels[name]:.1f} times" for name in OF_A_TURN if levels.get(name, 0.0) > TURNED]
     if off and result["verdict"] in {"unexplained", "partly_explained"}:

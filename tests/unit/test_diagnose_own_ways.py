@@ -41,6 +41,28 @@ def hysteresis(own: np.ndarray, half_width: float) -> np.ndarray:
     return np.array(shown)
 
 
+def slew(own: np.ndarray, rate: float) -> np.ndarray:
+    """What changes by no more than so much in a second."""
+    shown = [float(own[0])]
+    for value in own[1:]:
+        shown.append(shown[-1] + float(np.clip(value - shown[-1], -0.01 * rate, 0.01 * rate)))
+    return np.array(shown)
+
+
+def high_pass(own: np.ndarray, time_s: float) -> np.ndarray:
+    """What a capacitor lets through: it charges to what there is."""
+    charge, shown = float(own[0]), []
+    for value in own:
+        charge += 0.01 / time_s * (value - charge)
+        shown.append(value - charge)
+    return np.array(shown)
+
+
+def overflow(own: np.ndarray, end: float) -> np.ndarray:
+    """What has too few bits: beyond its end it begins again at the other one."""
+    return np.where(own > end, own - 2.0 * end, np.where(own < -end, own + 2.0 * end, own))
+
+
 def reading(channel: str, does: object, width: float) -> Drive:
     c = CHANNEL[channel]
     own = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, c]
@@ -59,6 +81,10 @@ def reading(channel: str, does: object, width: float) -> Drive:
         ("gyro_z", dead_band, 0.03, "k*r where |r| < {:.2g}", -1.0),
         ("accel_y", hysteresis, 0.3, "k*(play(ay, {:.2g})-ay)", 1.0),
         ("accel_x", hysteresis, 0.25, "k*(play(ax, {:.2g})-ax)", 1.0),
+        ("gyro_z", slew, 0.06, "k*(slew(r, {:.2g}/s)-r)", 1.0),
+        ("accel_y", slew, 0.8, "k*(slew(ay, {:.2g}/s)-ay)", 1.0),
+        ("accel_y", overflow, 2.5, "k*(wrap(ay, {:.2g})-ay)", 1.0),
+        ("gyro_z", high_pass, 15.0, "k*(r, slowly by {:.2g} s)", -1.0),
     ],
 )
 def test_what_a_sensor_does_with_what_it_feels_is_told_with_its_width(
@@ -106,6 +132,9 @@ def test_what_is_dead_near_nothing_is_of_its_own_channel() -> None:
     assert is_of_two("sat(r/0.02)")
     assert is_of_two("ay where |ay| < 0.3")
     assert is_of_two("(play(ax, 0.3)-ax)")
+    assert is_of_two("(slew(ay, 0.3/s)-ay)")
+    assert is_of_two("(r, slowly by 20 s)")
+    assert is_of_two("(wrap(r, 0.3)-r)")
     assert is_of_two("r where r > 0")
     assert not is_of_two("ay*|ay|")
     assert not is_of_two("sign(ay)")

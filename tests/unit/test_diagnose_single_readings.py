@@ -225,6 +225,8 @@ def test_wheel_speeds_of_which_only_steps_are_known_are_said_and_hide_what_comes
     assert [(shape.channel, shape.coefficient.unit) for shape in found] == [("gyro_z", "rad/s"), ("accel_y", "m/s^2")]
     assert hidden_by_steps(found) == frozenset()
     assert coarse_readings({"gyro_z": signal(np.round(COURSE / 0.0122) * 0.0122)}) == []
+    # Nor are jumps as large as each other steps, where it moves between them, too.
+    assert coarse_readings({"accel_y": signal(np.mod(NOISY + 1.0, 2.0) - 1.0)}) == []
     assert coarse_readings({"accel_y": signal(np.round(COURSE / 0.16) * 0.16)}) == []
 
     by_wheels, by_hand = hidden_by_steps(shapes), hidden_by_steps([shapes[0]._replace(channel="steering_wheel_angle")])

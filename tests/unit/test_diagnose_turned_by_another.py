@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_diagnose_choices import CITY_STEER, CITY_V, T, drive, found
 
+from dsz_daemon.diagnose.effects.shape_names import NO_SHAPE
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict import answer
 from dsz_daemon.diagnose.verdict import level as level_room
@@ -16,10 +17,12 @@ from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.diagnose.verdict.level import (
     curve_of_an_axle,
     driven_by_other_wheels,
+    late_besides,
     level_of,
     off_together,
     turned_by_another,
 )
+from dsz_daemon.report.diagnosis_words import sentence
 from dsz_daemon.runs.diagnose import words
 
 GYRO_Z, ACCEL_Y = 2, 4
@@ -112,6 +115,31 @@ def test_what_leaves_a_car_turning_otherwise_is_not_what_turns_it(
     gains = {effect: 100.0 / (1.0 + i) for i, effect in enumerate(effects)}
     search: Any = SimpleNamespace(best=SimpleNamespace(effects=effects), gains=gains)
     assert turned_by_another(search, level) == (names, channels)
+
+
+@pytest.mark.parametrize(
+    ("gains", "names"),
+    [
+        ({"steering_delay": 88.0, "yaw_inertia": 834.0}, {"steering_delay"}),
+        ({"tyre_relaxation": 49.0, "yaw_inertia": 27.0}, {"tyre_relaxation"}),
+        # A delay that gains far more is one; nor is a load whose inertia is no other's, or anything of instruments.
+        ({"steering_delay": 2885.0, "yaw_inertia": 271.0}, set()),
+        ({"steering_delay": 88.0, "mass_loading": 100.0, "yaw_inertia": 834.0}, set()),
+        ({"imu_delay": 88.0, "yaw_inertia": 834.0}, set()),
+        ({"steering_delay": 88.0}, set()),
+        # What lags behind the hand is drawn to first order: relaxation is the rest of it.
+        ({"steering_lag": 2654.0, "tyre_relaxation": 706.0, "mass_loading": 100.0}, {"tyre_relaxation"}),
+        ({"steering_lag": 200.0, "steering_delay": 2885.0}, {"steering_delay"}),
+    ],
+)
+@pytest.mark.parametrize("is_told", [True, False])
+def test_what_turns_late_beside_what_has_no_name_and_does_is_a_part_of_it(
+    gains: dict[str, float], names: set[str], is_told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(level_room, "is_told", lambda *_: is_told)
+    there: Any = SimpleNamespace(best=SimpleNamespace(effects=tuple(gains)), gains=gains, drive=None)
+    assert late_besides(there, set(gains)) == (names if is_told else set())
+    assert late_besides(there, set(gains) - {"yaw_inertia", "steering_lag"}) == set()
 
 
 @pytest.mark.parametrize(
@@ -294,3 +322,17 @@ def test_what_is_not_explained_is_said_with_how_much(
         assert "not explained" not in told
     else:
         assert f"not explained: {line} what noise" in told
+
+
+def test_what_is_of_no_known_shape_is_said_with_its_channel_and_how_much() -> None:
+    keys = ("causes", "parameter_errors", "same_as_offsets", "same_as_slip", "located", "could_not_test")
+    left = {"channel": "gyro_z", "shape": NO_SHAPE, "coefficient": {"value": 0.0173, "std": 1e-4, "unit": "rad/s"}}
+    result: dict[str, Any] = {key: [] for key in keys}
+    result |= {"verdict": "unexplained", "level": {"gyro_z": 2.57}, "fit": {}, "unlisted": [left]}
+    lines = words(result).splitlines()
+    assert "- gyro_z: 0.0173 rad/s (rms) is left, of no known shape" in lines
+    assert any(line.startswith("- not explained: gyro_z 2.6 times") for line in lines)
+    # The page's sentence says it by how far the channel is off, and of no shape.
+    told = sentence(result)
+    assert "2.6 times" in told
+    assert "shape" not in told

@@ -144,6 +144,10 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         (("road_bank", "accel_y: k*vx^2"), {"road_bank"}),
         (("road_bank", "accel_x: k*vx^2"), set()),
         (("road_bank", "steering: k*vx^2"), set()),
+        (("gyro_g_sensitivity", "gyro_scale", "gyro_z: k*sat(r/0.02)"), {"gyro_g_sensitivity", "gyro_scale"}),
+        (("gyro_scale", "accel_scale", "gyro_z: k*r where |r| < 0.03"), {"gyro_scale"}),
+        (("gyro_scale", "accel_scale", "accel_y: k*sat(ay/0.3)"), {"accel_scale"}),
+        (("gyro_scale", "accel_scale", "accel_y: k*(play(ay, 0.3)-ay)"), set()),
     ],
 )
 @pytest.mark.parametrize("is_told", [True, False])

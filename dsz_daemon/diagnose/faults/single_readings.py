@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.recordings.recording import step_of, white_std
+from dsz_daemon.diagnose.recordings.recording import least_step, step_of, white_std
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
@@ -93,7 +93,7 @@ def coarse_readings(signals: Mapping[str, Signal]) -> list[Shape]:
     """What is said of IMU readings and wheel speeds, SI, that are told in coarse steps."""
     found = []
     for name in (*IMU_CHANNELS, *WHEEL_SPEEDS):
-        step, (least, unit) = step_of(signals.get(name)), _COARSE[name.partition("_")[0]]
+        step, (least, unit) = least_step(signals.get(name)), _COARSE[name.partition("_")[0]]
         if step > least:
             found.append(Shape(name, STEPS, Coefficient(step, white_std(signals[name].values), unit), 1.0))
     return found

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsz_daemon.diagnose.faults.single_readings import OWN, Readings
-from dsz_daemon.diagnose.recordings.recording import step_of, white_std
+from dsz_daemon.diagnose.recordings.recording import least_step, white_std
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
@@ -69,7 +69,7 @@ def _dead_band(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
     said, counts = np.unique(values, return_counts=True)
     most = float(said[np.argmax(counts)])
     stands = values == most
-    others, step = np.abs(values[~stands] - most), step_of(signal)
+    others, step = np.abs(values[~stands] - most), least_step(signal)
     # What stands at an end is at the end of its range.
     if not _MUCH < np.mean(stands) < 1.0 - _MUCH or most in (said[0], said[-1]):
         return None
@@ -86,7 +86,7 @@ def _dead_band(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
 def _frozen(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
     """What is said of an output that freezes for a while, again and again, and which readings are none."""
     values, stands = signal.values, np.zeros(len(signal.values), dtype=np.bool_)
-    noise, step = white_std(values), step_of(signal)
+    noise, step = white_std(values), least_step(signal)
     # A sensor whose steps are coarser than its noise stands still by itself.
     if not noise > step:
         return None
@@ -124,6 +124,6 @@ def _cut_off(signal: Signal) -> Coefficient | None:
         return None
     cut = float(np.median(edges))
     slower = speed[is_read == 1] < _SAME_CUT * cut
-    if cut < max(_CUT_OFF_MPS, 2.0 * step_of(signal)) or slower.any():
+    if cut < max(_CUT_OFF_MPS, 2.0 * least_step(signal)) or slower.any():
         return None
     return Coefficient(cut, float(np.std(edges)), "m/s")

@@ -222,10 +222,10 @@ def filtered(values: Floats, kernel: Floats) -> Floats:
 
 def step_of(signal: Signal | None) -> float:
     """The steps in which a signal is told, in its unit, behind noise as well; 0 without one."""
-    return max(_step(signal), coarse_step(signal)) if signal is not None else 0.0
+    return max(least_step(signal), coarse_step(signal)) if signal is not None else 0.0
 
 
-def _step(signal: Signal | None) -> float:
+def least_step(signal: Signal | None) -> float:
     """The smallest step of a signal, 0 without one."""
     steps = np.abs(np.diff(signal.values)) if signal is not None else np.zeros(0)
     steps = steps[steps > 1e-9]
@@ -240,7 +240,7 @@ def _floor(signal: Signal | None, kernel: Floats) -> float:
     std = white_std(signal.values)
     if not np.diff(signal.values).all():
         # Values that stand still between two steps show no noise, and are rounded all the same.
-        std = max(std, _step(signal) / math.sqrt(12.0))
+        std = max(std, least_step(signal) / math.sqrt(12.0))
     return std * math.sqrt(float(np.sum(kernel**2)) * max(period_s / DT_S, 1.0))
 
 
@@ -248,7 +248,7 @@ def _top(channel: int, signal: Signal | None, first_ns: int) -> FlatTop | None:
     if signal is None or len(signal.t_ns) < 10:
         return None
     at_s = np.asarray((signal.t_ns - first_ns) * 1e-9, dtype=np.float64)
-    return flat_top(channel, at_s, signal.values, _step(signal), white_std(signal.values))
+    return flat_top(channel, at_s, signal.values, least_step(signal), white_std(signal.values))
 
 
 def white_std(values: Floats, order: int = 2) -> float:

@@ -41,6 +41,7 @@ from dsz_daemon.diagnose.verdict.level import (
     doubt,
     doubt_of,
     driven_by_other_wheels,
+    late_besides,
     level_of,
     off_together,
     turned_by_another,
@@ -73,7 +74,7 @@ def answered(
     left = doubt(found, unexplained)
     sure = {effect for effect, gain in found.gains.items() if gain > TOLD_GAIN * left}
     no_names = not_named(found.drive, found.best, sure)
-    no_names |= curve_of_an_axle(found) | driven_by_other_wheels(found, level)
+    no_names |= curve_of_an_axle(found) | driven_by_other_wheels(found, level) | late_besides(found, sure)
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
     # Nor is known how a hand or a wheel moves of which only steps are.

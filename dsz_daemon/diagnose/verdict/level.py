@@ -8,10 +8,11 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import WHEELS
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
-from dsz_daemon.diagnose.fitting.model import GRIP, TILTS
+from dsz_daemon.diagnose.fitting.model import GRIP, SAME_TURN, TILTS
 from dsz_daemon.diagnose.residuals.comparison import noises
 from dsz_daemon.diagnose.residuals.locate import channel_names
 from dsz_daemon.diagnose.residuals.own_noise import is_its_own
+from dsz_daemon.diagnose.selection.plausible import is_told
 from dsz_daemon.diagnose.selection.search import Search
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.simulation.drive import CHANNELS
@@ -53,6 +54,9 @@ _OTHER_RADII, _OTHER_TRACKS = 5.0, 2.0
 # Nor is an IMU late, or slow, that is alone and leaves both that show how a car turns as far off: one that shows each
 # reading for a quarter of a second left them 2.3 and 2.8 times, right ones 1.4 at most.
 _LATE_IMU = frozenset({"imu_delay", "sensor_bandwidth"})
+# A trailer was a relaxation length that gained 1.8 times what the inertia did; rear wheels that follow how a body leans
+# were a delay that gained a tenth of that.
+_TURNS_LATE, _MORE_THAN_INERTIA = {"tyre_relaxation", "steering_delay"}, 3.0
 # The body's alone: how a phone shakes in its holder says nothing of a radius.
 _TURN_NO_WHEEL = {"gyro_x", "gyro_y", "accel_z"}
 
@@ -146,6 +150,21 @@ def curve_of_an_axle(found: Search) -> set[str]:
         return set()
     axle = max(found.gains[one] for one in {"locked_axle", *TURNS} & there)
     return {one for one in {"imu_lever_arm", *_TURN} & there if found.gains[one] < _OF_A_CURVE * axle}
+
+
+def late_besides(found: Search, sure: Collection[str]) -> set[str]:
+    """Names of what turns a car late beside what has no name and does so, too, and is `sure`.
+
+    A car as configured that is harder or easier to turn has something that swings or leans, of which both are a part,
+    where the name gains little more; and of wheels that lag behind the hand the lag is but sketched.
+    """
+    fit, there = found.best, _TURNS_LATE & set(found.best.effects)
+    told = {one for one in ("yaw_inertia", "steering_lag") if one in sure and is_told(found.drive, fit, one)}
+    if "steering_lag" in told:
+        return there
+    if "yaw_inertia" not in told or SAME_TURN & set(fit.effects):
+        return set()
+    return {one for one in there if found.gains[one] < _MORE_THAN_INERTIA * found.gains["yaw_inertia"]}
 
 
 def verdict(explained: bool, left: bool) -> str:

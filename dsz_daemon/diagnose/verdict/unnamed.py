@@ -41,7 +41,6 @@ _ONE_WITHOUT_A_GYRO = (
     ("suspension_pitch.pitch_gradient_rad_per_mps2", "accel_scale.x", 1),
 )
 _APART_SPREADS = 4.0
-_TURNS_LATE = {"tyre_relaxation", "steering_delay"}
 # So much of a scale may a lean leave that undoes it.
 _UNDONE = 0.25
 _SWINGS = {effect: INDEX[f"{effect}.frequency_share"] for effect in ("suspension_roll", "suspension_pitch")}
@@ -82,10 +81,6 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
     # And what holds a car back in bends, beside an axle whose wheels turn alike, is these wheels'.
     if "locked_axle" in sure and is_told(drive, fit, "locked_axle"):
         names |= {*TURNS}
-    # A car that is as configured, but harder or easier to turn, and turns late besides, has something that swings, or
-    # leans, of which both are a part.
-    if "yaw_inertia" in sure and is_told(drive, fit, "yaw_inertia") and not SAME_TURN & set(fit.effects):
-        names |= _TURNS_LATE
     # Tyres that change have no stiffness that is theirs, nor are there two ways to turn beside one without a name.
     of_car = {effect.partition(SHAPE)[0] for effect in said if is_of_the_car(effect)}
     names |= SAME_TURN if TYRES in of_car else set()
