@@ -50,6 +50,17 @@ def clipped() -> np.ndarray:
     return np.clip(READINGS, -0.12, 0.12)
 
 
+def clipped_once() -> np.ndarray:
+    return np.minimum(0.3 * READINGS + 0.5 * np.exp(-(((TIME_S - 20.0) / 1.0) ** 2)), 0.25)
+
+
+def at_rest_between_steps() -> np.ndarray:
+    """A sensor whose noise is finer than its steps stands still with the car."""
+    step = 0.004
+    quick = 1.5 * np.sin(3.0 * TIME_S) + 0.15 * step * RNG.normal(size=N)
+    return rounded(np.where((TIME_S > 12.0) & (TIME_S < 18.0), 0.1 * step, quick), step)
+
+
 @pytest.mark.parametrize(
     "values",
     [
@@ -59,15 +70,27 @@ def clipped() -> np.ndarray:
         np.repeat(READINGS[::5], 5)[:N],
         # A range's end, where all stretches stand alike, and what never moves.
         clipped(),
+        clipped_once(),
+        at_rest_between_steps(),
         np.zeros(N),
         np.where(TIME_S < 5.0, np.nan, freezing(READINGS)),
     ],
-    ids=["noise", "coarse", "sent again", "clipped", "nothing", "gaps"],
+    ids=["noise", "coarse", "sent again", "clipped", "once", "at rest", "nothing", "gaps"],
 )
 def test_what_does_not_freeze_stays(values: np.ndarray) -> None:
     found = told_by_standing({"gyro_z": signal(values)})
     assert found.shapes == []
     assert found.signals["gyro_z"].values is values
+
+
+def test_of_many_readings_some_are_alike_for_long_by_chance() -> None:
+    """An hour of steps as coarse as the noise: one in three is like the one before, ten in a row now and then."""
+    n = 360_000
+    values = rounded(NOISE * RNG.normal(size=n), 0.95 * NOISE) + 1e-4 * NOISE * (np.arange(n) // 1000)
+    same = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [n]))
+    assert np.max(np.diff(same)) > 11
+    hour = Signal((1e7 * np.arange(n)).astype(np.int64), values)
+    assert told_by_standing({"gyro_z": hour}).shapes == []
 
 
 def test_too_few_readings_tell_nothing() -> None:
