@@ -96,6 +96,13 @@ def test_of_many_readings_some_are_alike_for_long_by_chance() -> None:
 def test_too_few_readings_tell_nothing() -> None:
     few = Signal(STAMPS[:90], freezing(READINGS)[290:380])
     assert told_by_standing({"gyro_z": few, "wheel_speed_fl": few}).shapes == []
+    none = Signal(STAMPS[:0], READINGS[:0])
+    assert told_by_standing({"gyro_z": none, "wheel_speed_fl": none}).shapes == []
+
+
+def test_stamps_that_stand_still_are_no_reason_to_end() -> None:
+    at_once = Signal(np.zeros(N, dtype=np.int64), freezing(READINGS))
+    told_by_standing({"gyro_z": at_once, "wheel_speed_fl": at_once})
 
 
 def test_a_sensor_that_is_dead_near_nothing_says_so_by_what_it_never_shows() -> None:

@@ -26,9 +26,9 @@ _FEWEST = 100
 # So often may readings of this many stand as long by chance, where as many as did in short stretches are like the one
 # before; no less than so many, and so long. Stretches of a sensor that is asked no more differ in where they stand.
 _BY_CHANCE, _SHORT, _SHORTEST_S, _APART = 1e-6, 10, 0.1, 0.7
-# What a sensor says instead of little is so much of all readings, and so many times what noise would make of it; others
-# begin so many steps, and so many times the noise, away from it.
-_MUCH, _OFTEN, _STEPS_AWAY, _NOISE_AWAY = 0.1, 10.0, 10.0, 3.0
+# What a sensor says instead of little is so much of all readings; others begin so many steps, and so many times the
+# noise, away from it: but for this share of them.
+_MUCH, _STEPS_AWAY, _NOISE_AWAY = 0.1, 10.0, 3.0
 _NEAREST, _NEAR = 0.002, 0.02
 # Wheels of cars are read from 3 km/h or so on. Where they begin is the same each time but for so much, and one that is
 # not read shows no more than this.
@@ -65,7 +65,7 @@ def told_by_standing(signals: Mapping[str, Signal]) -> Readings:
 
 def _dead_band(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
     """What is said of a sensor that shows one value instead of all that are near it, and where it does."""
-    values, noise = signal.values, white_std(signal.values)
+    values = signal.values
     said, counts = np.unique(values, return_counts=True)
     most = float(said[np.argmax(counts)])
     stands = values == most
@@ -95,7 +95,7 @@ def _frozen(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
     short = times < _SHORT
     share = float(times[short].sum()) / max(len(values) - float(times[~short].sum()), 1.0)
     by_chance = math.log(_BY_CHANCE / len(values)) / math.log(min(max(share, 0.05), 0.95))
-    period_s = float(np.median(np.diff(signal.t_ns))) * 1e-9
+    period_s = max(float(np.median(np.diff(signal.t_ns))) * 1e-9, 1e-4)
     at = values[stretches.begin]
     is_end = (at == np.min(values)) | (at == np.max(values))
     long = (times >= max(_SHORT, by_chance, _SHORTEST_S / period_s)) & ~is_end
