@@ -20,6 +20,8 @@ from dsz_daemon.prove.sizes import HOW
 SAME_TURN = frozenset({"mass_loading", "cornering_stiffness", "steering_compliance"})
 # How long the answer took, beside it.
 SECONDS = "seconds.txt"
+# What is said of a channel where no shape is: that much is left is no answer.
+_FORMLESS = "of no known shape"
 _DRIVING_MPS = 3.0
 _POINTS = 130
 _PROFILES = {"road_bank": ("road_bank_rad", "road_bank_rad"), "road_grade": ("road_grade_up_rad", "road_grade_up_rad")}
@@ -39,6 +41,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
     there = _there(truth)
     allowed = there | {name for cause in causes if set(cause["group"]) & set(planted) for name in cause["group"]}
     named = [cause["effect"] for cause in causes]
+    shapes = [shape for shape in found["unlisted"] if not shape["shape"].endswith(_FORMLESS)]
     foremost = _foremost(named, planted, there)
     groups = [cause["group"] for cause in causes if cause["effect"] in foremost]
     off = _off(causes, planted)
@@ -47,7 +50,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "verdict": found["verdict"],
         "named": named,
         "alarm": found["verdict"] != "consistent" or bool(set(named) - there),
-        "shapes": [f"{shape['channel']} {shape['shape']}" for shape in found["unlisted"]],
+        "shapes": [f"{shape['channel']} {shape['shape']}" for shape in shapes],
         "foremost": foremost[0] if foremost else "nothing",
         "first": bool(foremost and foremost[0] in planted),
         "first_or_alias": bool(groups and set(groups[0]) & set(planted)),
@@ -55,7 +58,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         "all_or_alias": all(any(name in cause["group"] for cause in causes) for name in planted),
         "extra": extra,
         "why": reasons(planted, causes, extra, found),
-        "unlisted_found": _unlisted_found(truth["unlisted"], found["unlisted"]),
+        "unlisted_found": _unlisted_found(truth["unlisted"], shapes),
         "probability": [_probability(name, causes) for name in planted],
         "probability_or_alias": [_with_aliases(name, causes) for name in planted],
         "stated": [(cause["probability"], bool(set(cause["group"]) & there)) for cause in causes],

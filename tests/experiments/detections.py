@@ -173,6 +173,8 @@ def judged(effect: str, found: dict[str, Any]) -> str:
     if effect.startswith("unlisted") and not causes and shapes:
         return f"right: {', '.join(shapes)}"
     if not causes:
+        # That a channel is off, and no more, is nothing of an effect.
+        shapes = [shape for shape in shapes if not shape.endswith("of no known shape")]
         return f"shape {', '.join(shapes)}" if shapes else "nothing"
     if causes[0] == effect:
         more = [*causes[1:], *shapes]

@@ -360,6 +360,11 @@ def test_what_has_no_name_is_found_in_its_channel(tmp_path: Path) -> None:
     assert answered(tmp_path, [], [], unlisted=nameless, shapes=[shape])["unlisted_found"]
     assert not answered(tmp_path, [], [], unlisted=nameless, shapes=[shape | {"channel": "accel_y"}])["unlisted_found"]
     assert not answered(tmp_path, [], [])["unlisted_found"]
+    # That a channel is off is no shape, neither of it nor too many.
+    formless = shape | {"shape": "k rms, of no known shape"}
+    one = answered(tmp_path, [], [], unlisted=nameless, shapes=[formless])
+    assert not one["unlisted_found"]
+    assert one["shapes"] == []
 
 
 def test_a_failure_has_a_reason(tmp_path: Path) -> None:
