@@ -58,6 +58,10 @@ def test_of_what_has_no_shape_the_channel_is_said_and_how_much_is_left() -> None
     assert told.unlisted[0].coefficient.value == pytest.approx(0.03, rel=0.1)
     assert 0.0 < told.unlisted[0].coefficient.std < 0.01
     assert told._replace(unlisted=[]) == said
+    # What is off by most comes first.
+    for value, order in ((7.0, ["gyro_z", "accel_z"]), (1e4, ["accel_z", "gyro_z"])):
+        both = with_what_has_no_shape(said._replace(level={**said.level, "accel_z": value}), found)
+        assert [shape.channel for shape in both.unlisted] == order
     # Where something is said, or nothing is left, it is no news.
     assert with_what_has_no_shape(told, found) is told
     for other in ("consistent", "partly_explained", "explained"):

@@ -142,6 +142,13 @@ def test_what_turns_late_beside_what_has_no_name_and_does_is_a_part_of_it(
     assert late_besides(there, set(gains) - {"yaw_inertia", "steering_lag"}) == set()
 
 
+def test_what_is_a_part_of_another_lag_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(drive({"steering_delay.delay_s": 0.1}, CITY_V, CITY_STEER))
+    assert [cause.effect for cause in answered(search).causes] == ["steering_delay"]
+    monkeypatch.setattr(answer, "late_besides", lambda *_: {"steering_delay"})
+    assert answered(search).causes == []
+
+
 @pytest.mark.parametrize(
     ("before", "after", "effects", "is_wind"),
     [
