@@ -13,15 +13,16 @@ from dsz_daemon.diagnose.residuals.comparison import rows_of
 from dsz_daemon.diagnose.residuals.evidence import Box, sums
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import _shaped, searched
+from dsz_daemon.diagnose.shapes import shape_beside as beside_room
 from dsz_daemon.diagnose.shapes.beside import step_beside
-from dsz_daemon.diagnose.shapes.shape_beside import shape_beside
+from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes, shape_beside
 from dsz_daemon.diagnose.shapes.unlisted import Found
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.moving import driven
 from dsz_daemon.diagnose.simulation.road import flat
 
-YAW = 2
+YAW, ACROSS = 2, 4
 
 
 def yaw_rate_shows(k: float) -> Drive:
@@ -82,3 +83,29 @@ def test_what_has_used_up_its_room_has_none_left_on_blocks_that_are_not_seen() -
     step = step_beside(one, rows, fit, own, larger, box, course, np.zeros(13, dtype=np.bool_))
     expected = np.sum((off[rows.used[:, YAW], YAW] - 0.0002) ** 2)
     assert step.unseen[YAW] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("width", [0.0, 0.4])
+def test_where_much_is_left_and_no_shape_alone_one_is_looked_for_beside_the_model(
+    monkeypatch: pytest.MonkeyPatch, width: float
+) -> None:
+    """A lateral accelerometer that follows only after 0.4 m/s2; without any nothing is left, and nothing looked for."""
+
+    def sticks(one: Drive) -> None:
+        at = one.measured[0, ACROSS]
+        for i, value in enumerate(one.measured[:, ACROSS].copy()):
+            at = min(max(at, value - width), value + width)
+            one.measured[i, ACROSS] = at
+
+    one = drive({}, CITY_V, CITY_STEER, change=sticks)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)
+    known = screened(one, rows, fit, TOLERANCE, map).known
+    monkeypatch.setattr(beside_room, "best_shape", lambda *_: None)
+    monkeypatch.setattr(beside_room, "steered_shape", lambda *_: None)
+    found = likeliest_shapes(one, rows, fit, known, TOLERANCE, beside=False)
+    assert [(shape.channel, shape.shape.partition(",")[0]) for shape in found] == (
+        [("accel_y", "k*(play(ay")] if width else []
+    )
+    for shape in found:
+        assert shape.value == pytest.approx(1.0, abs=0.2)
