@@ -113,6 +113,8 @@ def test_the_width_is_the_one_that_explains_most() -> None:
     # What is finer, or coarser, than what is looked for is something else.
     for width in (0.002, 0.25):
         assert not any("sat" in one for one in own_ways("gyro_z", own, (dead_zone(own, width) - own)[at], at))
+    # What shows nothing of its motion is no overflow.
+    assert not any("wrap" in one for one in own_ways("gyro_z", own, -own[at], at))
     # Nor does what never moves explain anything.
     assert own_ways("accel_y", np.zeros(N), left, at) == {}
     # Nor do what is the other way round, or a small part of it, or far more.

@@ -25,7 +25,7 @@ Ints = np.ndarray[Any, np.dtype[np.int64]]
 _WIDTHS = {"gyro": (0.003, 0.1), "accel": (0.04, 1.2)}
 _RATES = {"gyro": (0.04, 1.0), "accel": (0.4, 10.0)}
 _TIMES = {"gyro": (3.0, 120.0)}
-_ENDS = {"gyro": (0.1, 1.2), "accel": (1.0, 12.0)}
+_ENDS, _MOST_WRAPPED = {"gyro": (0.1, 1.2), "accel": (1.0, 12.0)}, 0.3
 # So many are tried, and about the best of these again, twice.
 _TRIED, _ROUNDS = 10, 3
 _OWN_NAMES = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
@@ -48,6 +48,9 @@ def _slowly(own: Floats, time_s: float) -> Floats:
 
 
 def _wrapped(own: Floats, end: float) -> Floats:
+    # What has too few bits for most of what it feels shows nothing of it.
+    if np.mean(np.abs(own) > end) > _MOST_WRAPPED:
+        return own
     return np.asarray(np.mod(own + end, 2.0 * end) - end)
 
 
