@@ -102,7 +102,8 @@ def test_too_few_readings_tell_nothing() -> None:
 
 def test_stamps_that_stand_still_are_no_reason_to_end() -> None:
     at_once = Signal(np.zeros(N, dtype=np.int64), freezing(READINGS))
-    told_by_standing({"gyro_z": at_once, "wheel_speed_fl": at_once})
+    # How long anything stands is not known then.
+    assert told_by_standing({"gyro_z": at_once}).shapes == []
 
 
 def test_a_sensor_that_is_dead_near_nothing_says_so_by_what_it_never_shows() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsz_daemon.diagnose.effects.shape_names import NO_SHAPE
 from dsz_daemon.edge.samples_file import write_columns
 from dsz_daemon.errors import ConfigError, InputError
 from dsz_daemon.prove.missed import missed
@@ -361,7 +362,7 @@ def test_what_has_no_name_is_found_in_its_channel(tmp_path: Path) -> None:
     assert not answered(tmp_path, [], [], unlisted=nameless, shapes=[shape | {"channel": "accel_y"}])["unlisted_found"]
     assert not answered(tmp_path, [], [])["unlisted_found"]
     # That a channel is off is no shape, neither of it nor too many.
-    formless = shape | {"shape": "k rms, of no known shape"}
+    formless = shape | {"shape": NO_SHAPE}
     one = answered(tmp_path, [], [], unlisted=nameless, shapes=[formless])
     assert not one["unlisted_found"]
     assert one["shapes"] == []

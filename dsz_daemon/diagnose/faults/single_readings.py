@@ -7,7 +7,7 @@ samples. Hits on a line look so, and torn words (one half of a number old), if t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,13 +54,18 @@ class Readings(NamedTuple):
     shapes: list[Shape]
 
 
+def readings_of_imu(signals: Mapping[str, Signal]) -> Iterator[tuple[str, Signal]]:
+    """The IMU's channels that have enough readings to tell something by themselves, and none missing."""
+    for name in IMU_CHANNELS:
+        signal = signals.get(name)
+        if signal is not None and len(signal.values) >= _FEWEST and np.isfinite(signal.values).all():
+            yield name, signal
+
+
 def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
     """Spikes are left out, two sensors in turn are their mean; what is said of each has its share of the readings."""
     found = Readings(dict(signals), [])
-    for name in IMU_CHANNELS:
-        signal = signals.get(name)
-        if signal is None or len(signal.values) < _FEWEST or not np.isfinite(signal.values).all():
-            continue
+    for name, signal in readings_of_imu(signals):
         unit = "rad/s" if name.startswith("gyro") else "m/s^2"
         if others := _every_other(name, signal, unit):
             # In pairs, so that what is white in them stays so.

@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.faults.single_readings import OWN, Readings
+from dsz_daemon.diagnose.faults.single_readings import OWN, Readings, readings_of_imu
 from dsz_daemon.diagnose.recordings.recording import least_step, white_std
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
-from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
+from dsz_daemon.signals import WHEEL_SPEEDS
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
-_FEWEST = 100
 # So often may readings of this many stand as long by chance, where as many as did in short stretches are like the one
 # before; no less than so many, and so long. Stretches of a sensor that is asked no more differ in where they stand.
 _BY_CHANCE, _SHORT, _SHORTEST_S, _APART = 1e-6, 10, 0.1, 0.7
@@ -45,21 +44,17 @@ class _Stretches(NamedTuple):
 def told_by_standing(signals: Mapping[str, Signal]) -> Readings:
     """Readings that are none are left out; what is said of a channel has its share of the readings."""
     found = Readings(dict(signals), [])
-    for name in IMU_CHANNELS:
-        signal = signals.get(name)
-        if signal is None or len(signal.values) < _FEWEST or not np.isfinite(signal.values).all():
-            continue
+    for name, signal in readings_of_imu(signals):
         told = _dead_band(name, signal) or _frozen(name, signal)
         if told is not None:
             shape, stands = told
             found.shapes.append(shape)
             found.signals[name] = Signal(signal.t_ns[~stands], signal.values[~stands])
     for name in WHEEL_SPEEDS:
-        signal = signals.get(name)
-        if signal is not None and (cut := _cut_off(signal)) is not None:
-            found.shapes.append(
-                Shape(name, "0 where vx < k", cut, float(np.mean(np.abs(signal.values) < _NOT_READ_MPS)))
-            )
+        wheel = signals.get(name)
+        if wheel is not None and (cut := _cut_off(wheel)) is not None:
+            share = float(np.mean(np.abs(wheel.values) < _NOT_READ_MPS))
+            found.shapes.append(Shape(name, "0 where vx < k", cut, share))
     return found
 
 

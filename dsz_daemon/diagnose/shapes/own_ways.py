@@ -5,7 +5,7 @@ How much that is stands in no library: it is what explains most of what is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +28,8 @@ _TIMES = {"gyro": (3.0, 120.0)}
 _ENDS, _MOST_WRAPPED = {"gyro": (0.1, 1.2), "accel": (1.0, 12.0)}, 0.3
 # So many are tried, and about the best of these again, twice.
 _TRIED, _ROUNDS = 10, 3
-_OWN_NAMES = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
+# Which channel shows what as its own.
+OWN_NAMES = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
 # What of its course a sensor shows that does so: all of it, but for what the rest of the model has bent to it.
 _SHOWN = (0.4, 1.6)
 
@@ -67,6 +68,7 @@ class _Way(NamedTuple):
     has_unit: bool = True
 
 
+# The first two show nothing near nothing.
 _WAYS = (
     _Way(
         lambda own, width: np.clip(own / width, -1.0, 1.0),
@@ -102,7 +104,7 @@ def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, 
 
     `at` (k,): places of the rows on the grid of `own`.
     """
-    name, kind = _OWN_NAMES[channel], channel.partition("_")[0]
+    name, kind = OWN_NAMES[channel], channel.partition("_")[0]
     unit = "rad/s" if channel.startswith("gyro") else "m/s2"
     level = left - np.mean(left)
     found = {}
@@ -132,12 +134,17 @@ def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, 
 
 def is_dead_near_nothing(shape: str, channel: str) -> bool:
     """Whether it is a channel's own motion that it does not show near nothing."""
-    name = _OWN_NAMES.get(channel)
-    return name is not None and shape.startswith((f"sat({name}/", f"{name} where |{name}|"))
+    return _is_one_of(shape, channel, _WAYS[:2])
 
 
 def is_own_way(shape: str, channel: str) -> bool:
     """Whether it is one of what a channel may do with its own motion."""
-    name = _OWN_NAMES.get(channel)
-    others = (f"(play({name}, ", f"(slew({name}, ", f"({name}, slowly by ", f"(wrap({name}, ")
-    return is_dead_near_nothing(shape, channel) or shape.startswith(others)
+    return _is_one_of(shape, channel, _WAYS)
+
+
+def _is_one_of(shape: str, channel: str, ways: Sequence[_Way]) -> bool:
+    """Whether it is written as one of these ways, of whatever size."""
+    name = OWN_NAMES.get(channel)
+    return name is not None and shape.startswith(
+        tuple(way.written.partition("{size")[0].format(own=name) for way in ways)
+    )

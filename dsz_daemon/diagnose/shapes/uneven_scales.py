@@ -9,11 +9,9 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.row import Floats
 from dsz_daemon.diagnose.recordings.recording import DT_S
-from dsz_daemon.diagnose.shapes.own_ways import is_dead_near_nothing, is_own_way
+from dsz_daemon.diagnose.shapes.own_ways import OWN_NAMES, is_dead_near_nothing, is_own_way
 
 _WARM_S = 60.0
-# Which channel shows what as its own.
-_OWN = {"gyro_z": "r", "accel_x": "ax", "accel_y": "ay"}
 # A car turns to the side that it is pushed to.
 _SAME_SIGN = {"gyro_z": ("r", "ay"), "accel_x": ("ax",), "accel_y": ("ay", "r")}
 
@@ -33,12 +31,12 @@ def uneven(name: str, own: Floats, unit: str) -> dict[str, tuple[Floats, str]]:
 
 def is_uneven(shape: str) -> bool:
     """Whether it is one of these, of any channel."""
-    return any(_is_of(shape, name) for name in _OWN.values())
+    return any(_is_of(shape, name) for name in OWN_NAMES.values())
 
 
 def is_of_two(shape: str) -> bool:
     """Whether it is told by two numbers: when, or from how much on; and how much."""
-    return is_uneven(shape) or any(is_own_way(shape, channel) for channel in _OWN)
+    return is_uneven(shape) or any(is_own_way(shape, channel) for channel in OWN_NAMES)
 
 
 def sticks(shape: str, channel: str) -> bool:
@@ -49,7 +47,7 @@ def sticks(shape: str, channel: str) -> bool:
 
 def is_anothers(shape: str, channel: str) -> bool:
     """Whether the shape is what another channel shows of its own."""
-    return any(_is_of(shape, name) for other, name in _OWN.items() if other != channel)
+    return any(_is_of(shape, name) for other, name in OWN_NAMES.items() if other != channel)
 
 
 def _is_of(shape: str, name: str) -> bool:
