@@ -115,6 +115,11 @@ def test_the_width_is_the_one_that_explains_most() -> None:
         assert not any("sat" in one for one in own_ways("gyro_z", own, (dead_zone(own, width) - own)[at], at))
     # What shows nothing of its motion is no overflow.
     assert not any("wrap" in one for one in own_ways("gyro_z", own, -own[at], at))
+    # Nor are readings of other moments.
+    turns = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(N))[:, CHANNEL["gyro_z"]]
+    for seed in range(8):
+        driven = np.random.default_rng(seed).permutation(turns)
+        assert not any("wrap" in one for one in own_ways("gyro_z", turns, (driven - turns)[at], at))
     # Nor does what never moves explain anything.
     assert own_ways("accel_y", np.zeros(N), left, at) == {}
     # Nor do what is the other way round, or a small part of it, or far more.

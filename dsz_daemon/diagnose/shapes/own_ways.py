@@ -58,7 +58,8 @@ def _wrapped(own: Floats, end: float) -> Floats:
 class _Way(NamedTuple):
     """A course (n,) of own motion (n,) and a size; how much of it is shown; as it is written; sizes, low and high.
 
-    `has_unit`: whether the course has the motion's, or none.
+    `has_unit`: whether the course has the motion's, or none. `explains`: what part of what is left it must at least
+    explain of the rows in which it is anything.
     """
 
     course: Callable[[Floats, float], Floats]
@@ -66,6 +67,7 @@ class _Way(NamedTuple):
     written: str
     sizes: Mapping[str, tuple[float, float]]
     has_unit: bool = True
+    explains: float = 0.0
 
 
 # The first two show nothing near nothing.
@@ -86,7 +88,15 @@ _WAYS = (
     _Way(lambda own, width: played(own, 2.0 * width) - own, lambda _: 1.0, "(play({own}, {size:.2g})-{own})", _WIDTHS),
     _Way(lambda own, rate: slewed(own, rate, DT_S) - own, lambda _: 1.0, "(slew({own}, {size:.2g}/s)-{own})", _RATES),
     _Way(_slowly, lambda _: -1.0, "({own}, slowly by {size:.2g} s)", _TIMES),
-    _Way(lambda own, end: _wrapped(own, end) - own, lambda _: 1.0, "(wrap({own}, {size:.2g})-{own})", _ENDS),
+    # What begins again at the other end jumps by all of the range, and nothing but noise is left of that. Readings that
+    # have nothing to do with the motion leave what they show.
+    _Way(
+        lambda own, end: _wrapped(own, end) - own,
+        lambda _: 1.0,
+        "(wrap({own}, {size:.2g})-{own})",
+        _ENDS,
+        explains=0.9,
+    ),
 )
 
 
@@ -111,23 +121,27 @@ def own_ways(channel: str, own: Floats, left: Floats, at: Ints) -> Mapping[str, 
     for way in (way for way in _WAYS if kind in way.sizes):
         low, high = way.sizes[kind]
 
-        def taken(size: float, way: _Way = way) -> float:
+        def taken(size: float, way: _Way = way) -> tuple[float, float]:
+            """How much of what is left the course takes, and what part of it where it is anything."""
             course = way.course(own, size)[at]
+            anything = course != 0.0
             course = course - np.mean(course)
             square, pull = float(course @ course), float(course @ level)
             if not (square > 0.0 and _SHOWN[0] < pull / square / way.shown(size) < _SHOWN[1]):
-                return 0.0
-            return pull**2 / square
+                return 0.0, 0.0
+            rest = (level - pull / square * course)[anything]
+            return pull**2 / square, 1.0 - float(rest @ rest) / float(level[anything] @ level[anything])
 
         least, most = low, high
         for _ in range(_ROUNDS):
             sizes = np.geomspace(least, most, _TRIED)
-            gains = [taken(size) for size in sizes]
+            gains = [taken(size)[0] for size in sizes]
             best = int(np.argmax(gains))
             least, most = sizes[max(best - 1, 0)], sizes[min(best + 1, _TRIED - 1)]
         size = float(sizes[best])
+        gain, part = taken(size)
         # What is best at an end is something else that looks a little like it.
-        if gains[best] > 0.0 and low < size < high:
+        if gain > 0.0 and part >= way.explains and low < size < high:
             found[way.written.format(own=name, size=size)] = (way.course(own, size), unit if way.has_unit else "")
     return found
 
