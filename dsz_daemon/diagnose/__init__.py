@@ -24,6 +24,7 @@ from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_s
 from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.faults.stuck_readings import told_by_standing
+from dsz_daemon.diagnose.faults.turning_readings import told_by_turning
 from dsz_daemon.diagnose.faults.wiring import wiring_of
 from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, rows_of
@@ -84,6 +85,7 @@ def diagnose(
         say("looking for axes that are not what they are called")
     signals, standing = told_by_standing(signals)
     signals, single = told_by_readings(signals)
+    turning = told_by_turning(signals)
     recording = recorded(signals, steering_ratio, reference)
     role = BY_HAND if BY_HAND in signals else AT_THE_ROAD
     input_faults, wiring = found_input_faults(recording, car, steering_ratio, role)
@@ -131,7 +133,7 @@ def diagnose(
         ) from error
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
-    beside = [*standing, *single, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
+    beside = [*standing, *single, *turning, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)
