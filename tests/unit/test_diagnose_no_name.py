@@ -40,6 +40,19 @@ def test_what_follows_the_steerings_rate_is_no_lever_arm(channel: int, off: floa
     assert shape.coefficient.unit == "(m/s2)/(rad/s)"
 
 
+@pytest.mark.parametrize(("channel", "k", "unit"), [(YAW, 0.3, "rad/s"), (ACROSS, -2.5, "m/s2")])
+def test_a_supply_that_sags_as_the_steering_works_is_told(channel: int, k: float, unit: str) -> None:
+    """The motor of a power steering draws its current to either side."""
+
+    def add(one: Drive) -> None:
+        one.measured[:, channel] += k * np.abs(STEERED)
+
+    [shape] = answered(found(drive({}, CITY_V, CITY_STEER, change=add))).unlisted
+    assert (shape.channel, shape.shape) == (IMU_CHANNELS[channel], "k*|delta'|")
+    assert shape.coefficient.value == pytest.approx(k, rel=0.1)
+    assert shape.coefficient.unit == f"({unit})/(rad/s)"
+
+
 def test_an_arm_stays_one() -> None:
     search = found(drive({"imu_lever_arm.x_m": 0.4, "imu_lever_arm.y_m": -0.3}, CITY_V, CITY_STEER))
     assert search.best.effects == ("imu_lever_arm",)

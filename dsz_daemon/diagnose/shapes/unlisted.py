@@ -80,10 +80,11 @@ def library(moving: Moving, drive: Drive) -> dict[str, tuple[Floats, str]]:
 
     None that is linear in acceleration, turn or steering: all of those have names (scale, leak, arm, ratio, stiffness),
     but for the steering on what does not follow it (`is_named`). How quickly the driver steers has none, but turns a
-    car as an arm would show it. What a pedal switches on (lamps, a pump) may pull a sensor's supply down.
+    car as an arm would show it. What a pedal switches on (lamps, a pump) may pull a sensor's supply down, and so may
+    the motor of a power steering.
     """
     v, v_rate, steer = moving.v_mps, filtered(moving.v_rate, filter_kernel()), drive.steer
-    r, side = moving.moved[:, R], moving.moved[:, AY]
+    r, side, steered = moving.moved[:, R], moving.moved[:, AY], np.gradient(steer, DT_S)
     shapes: dict[str, tuple[Floats, str]] = {
         "vx": (v, "m/s"),
         "vx^2": (v * v, "m2/s2"),
@@ -108,7 +109,8 @@ def library(moving: Moving, drive: Drive) -> dict[str, tuple[Floats, str]]:
         "vx*ax": (v * v_rate, "m2/s3"),
         "|delta|": (np.abs(steer), "rad"),
         "delta": (steer, "rad"),
-        "delta'": (np.gradient(steer, DT_S), "rad/s"),
+        "delta'": (steered, "rad/s"),
+        "|delta'|": (np.abs(steered), "rad/s"),
     }
     shapes |= {f"({name} pressed)": (course, "") for name, course in drive.recording.pressed}
     return shapes | uneven("r", r, "rad/s") | uneven("ax", v_rate, "m/s2") | uneven("ay", side, "m/s2")
