@@ -123,6 +123,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         say = None if progress is None else lambda what: print(what, file=sys.stderr)
         beside = Beside(arguments.reference, arguments.simulation)
         result = diagnose(arguments.logs, arguments.config, arguments.output, progress, say, beside)
+    screen.print_warnings(result["source"]["warnings"], ())
     return _show(arguments, result, lambda: print(words(result)))
 
 

@@ -20,18 +20,20 @@ from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parame
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
+from dsz_daemon.diagnose.faults.reference_faults import require_same_car
 from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_steering, told_by_readings
 from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.faults.stuck_readings import told_by_standing
 from dsz_daemon.diagnose.faults.turning_readings import told_by_turning
 from dsz_daemon.diagnose.faults.wiring import wiring_of
-from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, on_grid, recorded, with_gaps
+from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, REFERENCE, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, rows_of
 from dsz_daemon.diagnose.residuals.drives import against, drive_of
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.shapes.unlisted import Shape
 from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
+from dsz_daemon.diagnose.simulation.own_effects import require_sound
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict.another_car import with_own_numbers
@@ -52,6 +54,9 @@ _SIMULATED = {
     "accel_x": ("accel_x", "ax_mps2"),
     "accel_y": ("accel_y", "ay_mps2"),
 }
+# Columns of states that are used of a file beside a recording.
+REFERENCE_USED = (*REFERENCE, "speed_mps")
+SIMULATION_USED = tuple(dict.fromkeys(name for names in _SIMULATED.values() for name in names))
 
 
 class Diagnosed(NamedTuple):
@@ -78,9 +83,11 @@ def diagnose(
     `tolerance`: how far configured stiffnesses may be off, as shares by their names; `effects`: rows of one's own;
     `reference`: states by name, SI; `each`: a `map` that works side by side; `say` hears what is being done.
     InputError: nothing to drive the simulation with (steering, wheel speeds), nothing to compare, or too little of it.
+    ValueError: an effect of one's own that can't be asked.
     """
     _require(signals)
     words = vocabulary(effects)
+    require_sound(effects)
     if say is not None:
         say("looking for axes that are not what they are called")
     signals, standing = told_by_standing(signals)
@@ -110,19 +117,10 @@ def diagnose(
     if faults:
         mended = wiring_of(faults).mended_signals(signals)
         drive = drive_of(recorded(mended, steering_ratio, reference), car, steering_ratio, words)
+    require_same_car(drive.recording)
     first_ns = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
     drive, stops = _where_steered(drive, signals, first_ns, car, steering_ratio)
-    if simulation:
-        theirs = {}
-        for channel, names in _SIMULATED.items():
-            name = next((name for name in names if name in simulation), None)
-            if name is not None:
-                theirs[channel] = on_grid(simulation[name], first_ns, drive.recording.time_s)
-        if not theirs:
-            raise InputError(
-                f"the simulation has none of {', '.join(CHANNELS[:6])}: there is nothing to hold it against"
-            )
-        drive = against(drive, theirs)
+    drive = _held_against(drive, simulation, first_ns) if simulation else drive
     try:
         found = searched(drive, rolling_rows(drive, rows_of(drive)), tolerance, say, each)
         found, by_numbers = with_own_numbers(drive, found, tolerance, say, each)
@@ -138,6 +136,25 @@ def diagnose(
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)
     return Diagnosed(with_what_has_no_shape(said, found), found)
+
+
+def _held_against(drive: Drive, simulation: Mapping[str, Signal], first_ns: int) -> Drive:
+    """The drive against the user's own simulation. InputError where that has nothing of it, or too little."""
+    theirs = {}
+    for channel, names in _SIMULATED.items():
+        name = next((name for name in names if name in simulation), None)
+        if name is not None:
+            theirs[channel] = on_grid(simulation[name], first_ns, drive.recording.time_s)
+    if not theirs:
+        raise InputError(f"the simulation has none of {', '.join(CHANNELS[:6])}: there is nothing to hold it against")
+    drive = against(drive, theirs)
+    length_s = driven_s(drive, rows_of(drive))
+    if length_s < _SHORTEST_S:
+        raise InputError(
+            f"the simulation is there for {length_s:.1f} s of driving (above {SLOW_MPS:g} m/s); "
+            f"expected {_SHORTEST_S:g} s or more to fit and to judge"
+        )
+    return drive
 
 
 def _where_steered(

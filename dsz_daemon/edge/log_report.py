@@ -58,6 +58,22 @@ class LogReport:
         """All frames read, error and remote frames included."""
         return sum(self.channels.values())
 
+    def words(self) -> list[str]:
+        """What a reader of the recording should know, a line each."""
+        words = list(self.warnings)
+        if self.malformed_lines:
+            examples = "; ".join(str(example) for example in self.malformed_examples[:2])
+            words.append(f"{self.malformed_lines} lines of the recording are no frames: {examples}")
+        if self.cut_last_line:
+            words.append(f"{self.cut_last_line} piece(s) of the recording end in the middle of a line")
+        if self.backward_steps:
+            words.append(
+                f"stamps go backwards {self.backward_steps} times, by up to {self.largest_backward_ns * 1e-9:.6f} s"
+            )
+        if self.dropped_by_recorder:
+            words.append(f"the recorder itself dropped {self.dropped_by_recorder} frames")
+        return words
+
     def add_kind(self, frame: Frame) -> None:
         """Count what a frame is and where it came from, not when."""
         self.channels[frame.channel] = self.channels.get(frame.channel, 0) + 1

@@ -26,6 +26,13 @@ class RoleCounts:
         """Values that came but were not used."""
         return self.short + self.flagged + self.not_a_number + self.out_of_range
 
+    def words(self) -> str:
+        """How many values were refused, and why."""
+        return (
+            f"{self.rejected} of {self.rejected + self.samples} values refused (short {self.short}, "
+            f"flagged {self.flagged}, NaN {self.not_a_number}, out of range {self.out_of_range})"
+        )
+
 
 @dataclass(slots=True)
 class Sender:

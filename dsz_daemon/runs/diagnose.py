@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from dsz_daemon.diagnose import REFERENCE_USED, SIMULATION_USED
 from dsz_daemon.diagnose import diagnose as diagnosed
 from dsz_daemon.diagnose.recordings.recording import Floats
 from dsz_daemon.diagnose.verdict.fit_columns import columns_of_fit
@@ -25,10 +26,13 @@ from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
 from dsz_daemon.runs.states_file import check_overlap, read_states
 from dsz_daemon.runs.summary import write_json
+from dsz_daemon.signals import WHEEL_SPEEDS
 
 Progress = Callable[[int, int], None]
 
 _SIDE_BY_SIDE = 2
+# So many values of a role that are refused are worth a word.
+_MANY_REFUSED = 0.01
 
 
 class Beside(NamedTuple):
@@ -60,10 +64,13 @@ def diagnose(
     setup = set_up(config)
     output_folder(folder)
     report = LogReport()
-    signals = signals_of(setup, logs, report, progress)
+    _require_mapped(setup)
+    signals, warnings = _read(setup, logs, report, progress)
     first_s = min(int(signal.t_ns[0]) for signal in signals.values()) * 1e-9
     last_s = max(int(signal.t_ns[-1]) for signal in signals.values()) * 1e-9
-    reference, simulation = (_states(path, first_s, last_s) for path in beside)
+    reference, unused = _states(beside.reference, first_s, last_s, REFERENCE_USED)
+    simulation, others = _states(beside.simulation, first_s, last_s, SIMULATION_USED)
+    warnings += unused + others
     vehicle = setup.settings.vehicle
     with Hands(_SIDE_BY_SIDE) as hands:
         said, found = diagnosed(
@@ -78,7 +85,7 @@ def diagnose(
         )
     result: dict[str, Any] = plain(said)
     result |= {"versions": versions(), "settings": setup.settings.used()}
-    result["source"] = {"recording": [path.name for path in logs], "log": report.summary()} | {
+    result["source"] = {"recording": [path.name for path in logs], "log": report.summary(), "warnings": warnings} | {
         name: path.name for name, path in beside._asdict().items() if path is not None
     }
     write_json(result, folder / "diagnosis.json")
@@ -89,12 +96,28 @@ def diagnose(
     return result
 
 
-def _states(path: Path | None, first_s: float, last_s: float) -> Mapping[str, Signal] | None:
+def _states(
+    path: Path | None, first_s: float, last_s: float, used: Collection[str]
+) -> tuple[Mapping[str, Signal] | None, list[str]]:
+    """The states of a file, and what is said of columns that are not `used`."""
     if path is None:
-        return None
+        return None, []
     states = read_states(path)
     check_overlap(states, first_s, last_s, path)
-    return states.signals
+    unused = [*(name for name in states.signals if name not in used), *states.unknown]
+    return states.signals, [f"{path.name}: not used: {', '.join(unused)}"] if unused else []
+
+
+def _require_mapped(setup: Setup) -> None:
+    """InputError where what the simulation is driven by is not mapped."""
+    missing = [name for name in WHEEL_SPEEDS if name not in setup.roles]
+    if not setup.roles & {"steering_wheel_angle", "road_wheel_angle"}:
+        missing.append("steering_wheel_angle")
+    if missing:
+        raise InputError(
+            f"{setup.path}: signals: {', '.join(missing)} not mapped; expected four wheel speeds and a steering angle, "
+            "which drive the simulation"
+        )
 
 
 def _write_report(path: Path, result: dict[str, Any], columns: Mapping[str, Floats], title: str) -> None:
@@ -166,17 +189,37 @@ def signals_of(
     setup: Setup, logs: Sequence[Path], report: LogReport, progress: Progress | None = None
 ) -> dict[str, Signal]:
     """All samples of the mapped roles, stamps not falling; stamps that fall back are left out."""
+    return _read(setup, logs, report, progress)[0]
+
+
+def _read(
+    setup: Setup, logs: Sequence[Path], report: LogReport, progress: Progress | None
+) -> tuple[dict[str, Signal], list[str]]:
+    """As `signals_of`, and what a user should know of what is not among them."""
     decoder = setup.decoder(setup.encoder())
     wanted = {can_id for can_id, _ in decoder.wanted_ids()}
     stamps: dict[str, list[int]] = {}
     values: dict[str, list[float]] = {}
+    early: dict[str, int] = {}
     for frame in read_frames(logs, report, progress, wanted):
         for sample in decoder.decode(frame):
             mine = stamps.setdefault(sample.role, [])
             if not mine or sample.t_ns >= mine[-1]:
                 mine.append(sample.t_ns)
                 values.setdefault(sample.role, []).append(sample.value)
+            else:
+                early[sample.role] = early.get(sample.role, 0) + 1
     if not stamps:
         names = ", ".join(str(path) for path in logs)
         raise InputError(f"{names}: none of the mapped messages is in it; is this the car of {setup.path}?")
-    return {role: Signal(np.array(stamps[role], dtype=np.int64), np.array(values[role])) for role in stamps}
+    warnings = report.words()
+    for role, n in early.items():
+        warnings.append(
+            f"{role}: {n} of {n + len(stamps[role])} samples left out, whose stamps are before those of earlier ones "
+            "(logs that overlap, or in another order than they were recorded?)"
+        )
+    for role, counts in decoder.counters.roles.items():
+        if counts.rejected > _MANY_REFUSED * counts.samples:
+            warnings.append(f"{role}: {counts.words()}")
+    signals = {role: Signal(np.array(stamps[role], dtype=np.int64), np.array(values[role])) for role in stamps}
+    return signals, warnings

@@ -82,7 +82,7 @@ def replay(
     decoded.frames = report.frames
     result = summary.result(decoded, cycles, {"frames": published_frames, "saturated": encoder.counters}, source)
     result["recording"] = source["recording"]
-    result["warnings"] = [*_log_warnings(report), *result["warnings"]]
+    result["warnings"] = [*report.words(), *result["warnings"]]
     if interrupted:
         result["warnings"].insert(0, "interrupted: only the part of the recording up to then was replayed")
     if summary.rows == 0 and not interrupted:
@@ -137,22 +137,6 @@ def _paced(frames: Iterator[Frame], speed: float | None) -> Iterator[Frame]:
         if wait_s > 0.0:
             time.sleep(wait_s)
         yield frame
-
-
-def _log_warnings(report: LogReport) -> list[str]:
-    words = list(report.warnings)
-    if report.malformed_lines:
-        examples = "; ".join(str(example) for example in report.malformed_examples[:2])
-        words.append(f"{report.malformed_lines} lines of the recording are no frames: {examples}")
-    if report.cut_last_line:
-        words.append(f"{report.cut_last_line} piece(s) of the recording end in the middle of a line")
-    if report.backward_steps:
-        words.append(
-            f"stamps go backwards {report.backward_steps} times, by up to {report.largest_backward_ns * 1e-9:.6f} s"
-        )
-    if report.dropped_by_recorder:
-        words.append(f"the recorder itself dropped {report.dropped_by_recorder} frames")
-    return words
 
 
 def _nothing_wanted(logs: Sequence[Path], report: LogReport, wanted: frozenset[tuple[int, bool]], samples: int) -> str:

@@ -215,11 +215,7 @@ class RunSummary:
                 seen = f"{whole} frames of {message_of[role]}, all refused" if whole and not counts.rejected else seen
                 words.append(f"{role}: mapped, but never received ({seen})")
             elif counts.rejected > 0.01 * counts.samples:
-                words.append(
-                    f"{role}: {counts.rejected} of {counts.rejected + counts.samples} values refused "
-                    f"(short {counts.short}, flagged {counts.flagged}, NaN {counts.not_a_number}, "
-                    f"out of range {counts.out_of_range})"
-                )
+                words.append(f"{role}: {counts.words()}")
         return words
 
     def _gone(self, decoded: DecodeCounters) -> list[str]:

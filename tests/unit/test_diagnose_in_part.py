@@ -15,7 +15,7 @@ from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import answer, in_part
 from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.in_part import explains_a_part
+from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean
 
 QUICK = np.sin(2.0 * np.pi * T / 0.7)
 # Louder and louder within ten seconds, again and again.
@@ -136,3 +136,36 @@ def test_wheel_speeds_that_are_a_few_milliseconds_late_are_a_cause() -> None:
 
 def late_by(delay_s: float) -> Drive:
     return drive({"wheel_speed_delay.delay_s": delay_s}, CITY_V + 3.0 * np.sin(0.8 * T), CITY_STEER)
+
+
+@pytest.mark.parametrize(
+    ("effect", "gain", "unexplained", "is_one"),
+    [
+        ("accel_scale", 18.0, {"gyro_x"}, True),
+        ("accel_scale", 18.0, {"accel_y", "gyro_y"}, True),
+        ("accel_scale", 18.0, {"gyro_z", "accel_y"}, False),
+        ("accel_scale", 400.0, {"gyro_x"}, False),
+        ("gyro_scale", 18.0, {"gyro_x"}, False),
+        ("accel_scale", 18.0, set(), False),
+    ],
+)
+def test_a_small_scale_beside_a_lean_is_a_part_of_it(
+    effect: str, gain: float, unexplained: set[str], is_one: bool
+) -> None:
+    assert is_of_a_lean(effect, gain, unexplained) == is_one
+
+
+def test_a_mount_that_tips_to_either_side_is_no_scale() -> None:
+    """By 0.15 degrees, once as far as it goes: the gyro that turns with it shows each time."""
+    side = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(len(T)))[:, 4]
+    leans, at = np.zeros(len(T)), 0.0
+    for i, pull in enumerate(side):
+        at = np.sign(pull) if abs(pull) > 0.8 else at
+        leans[i] = 0.0026 * at
+    smooth = np.convolve(leans, np.hanning(41) / np.sum(np.hanning(41)), mode="same")
+
+    def add(one: Drive) -> None:
+        one.measured[:, 4] -= 9.81 * smooth
+        one.measured[:, 0] += np.gradient(smooth, 0.01)
+
+    assert answered(found(drive({}, CITY_V, CITY_STEER, change=add))).causes == []

@@ -18,12 +18,21 @@ from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
+Ints = np.ndarray[Any, np.dtype[np.int64]]
 
 _FEWEST = 100
 # A spike is so many times the white noise away from the mean of its neighbours, which differ by less than so much of
 # that. There are so many at least, as large as each other to within so much; and of what is smaller, between these
 # parts of their size, there are fewer by this share: what shakes a car has all sizes.
 _FAR, _NEIGHBOURS, _SPIKES, _ALIKE, _SMALLER, _FEWER = 8.0, 0.5, 10, 0.15, (0.5, 0.7), 0.1
+# What drives the simulation has spikes of any size, from this on: no wheel and no hand is there and back in two
+# samples. So many are some, so many none.
+_OF_INPUTS = {
+    **dict.fromkeys(WHEEL_SPEEDS, (1.0, "m/s")),
+    "steering_wheel_angle": (math.radians(20.0), "rad"),
+    "road_wheel_angle": (math.radians(2.0), "rad"),
+}
+_SOME, _NO_SPIKES = 5, 0.05
 # Every other reading is another sensor's by so many spreads, and by so much of all that readings differ by.
 _SURELY, _MOST = 50.0, 0.3
 EVERY_OTHER = "in every other reading"
@@ -77,11 +86,22 @@ def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
             continue
         spikes = _spikes(signal.values)
         if len(spikes):
-            sizes = np.abs(_away(signal.values)[spikes - 1])
-            told = Coefficient(float(np.median(sizes)), float(np.std(sizes) / np.sqrt(len(sizes))), unit)
-            found.shapes.append(Shape(name, "+-k in single readings", told, len(spikes) / len(signal.values)))
-            found.signals[name] = Signal(np.delete(signal.t_ns, spikes), np.delete(signal.values, spikes))
+            _leave_out(found, name, spikes, unit)
+    for name, (least, unit) in _OF_INPUTS.items():
+        values = found.signals[name].values if name in found.signals else np.zeros(0)
+        if len(values) >= _FEWEST and np.isfinite(values).all():
+            spikes = _spikes_of_any_size(values, least)
+            if _SOME <= len(spikes) < _NO_SPIKES * len(values):
+                _leave_out(found, name, spikes, unit)
     return found
+
+
+def _leave_out(found: Readings, name: str, spikes: Ints, unit: str) -> None:
+    signal = found.signals[name]
+    sizes = np.abs(_away(signal.values)[spikes - 1])
+    told = Coefficient(float(np.median(sizes)), float(np.std(sizes) / np.sqrt(len(sizes))), unit)
+    found.shapes.append(Shape(name, "+-k in single readings", told, len(spikes) / len(signal.values)))
+    found.signals[name] = Signal(np.delete(signal.t_ns, spikes), np.delete(signal.values, spikes))
 
 
 def coarse_steering(signals: Mapping[str, Signal], steering_ratio: float) -> list[Shape]:
@@ -116,7 +136,14 @@ def _away(values: Floats) -> Floats:
     return values[1:-1] - 0.5 * (values[2:] + values[:-2])
 
 
-def _spikes(values: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
+def _spikes_of_any_size(values: Floats, least: float) -> Ints:
+    """Which readings are at least so far, and far beyond noise, from both neighbours, which agree."""
+    away = np.abs(_away(values))
+    far = away > max(least, _FAR * white_std(values))
+    return np.asarray(np.flatnonzero(far & (np.abs(values[2:] - values[:-2]) < _NEIGHBOURS * away)) + 1)
+
+
+def _spikes(values: Floats) -> Ints:
     """Which readings are spikes; none where these are not of one kind."""
     away, noise = np.abs(_away(values)), white_std(values)
     if not noise > 0.0:

@@ -40,6 +40,10 @@ _PAUSE_S, _BETWEEN_S = 10.0, 2.0
 # What a reference may bring: its columns, each on the log's clock, often once a second.
 REFERENCE = ("vx_mps", "vy_mps", "yaw_rate_radps", "grade_up_rad")
 _REFERENCE_GAP_S = 1.5
+# Between samples that come more seldom than this a line is no motion: they count where they are, so closely.
+_SELDOM_S, _AT_A_SAMPLE_S = 0.15, 0.02
+# No reference is known better than to so much of what it varies by; one that comes seldom no better than to this.
+_REFERENCE_BEST, _SELDOM_BEST = 1e-3, 1e-2
 PEDALS = ("brake", "accelerator")
 
 
@@ -156,14 +160,43 @@ def on_grid_of(reference: Mapping[str, Signal], first_ns: int, time_s: Floats) -
     found["vx_mps"] = found["vx_mps"] or reference.get("speed_mps")
     if not any(found.values()):
         return None
-    kernel = filter_kernel()
-    values = [filtered(_on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S), kernel) for signal in found.values()]
-    return np.column_stack(values), np.array([_floor(signal, kernel) for signal in found.values()])
+    values = [_state_on_grid(signal, first_ns, time_s) for signal in found.values()]
+    floors = np.array([_floor(signal, filter_kernel()) for signal in found.values()])
+    best = (_SELDOM_BEST if _is_seldom(signal) else _REFERENCE_BEST for signal in found.values())
+    varies = (float(np.std(signal.values)) if signal else math.nan for signal in found.values())
+    least = [share * std for share, std in zip(best, varies, strict=True)]
+    return np.column_stack(values), np.maximum(floors, least)
 
 
 def on_grid(signal: Signal, first_ns: int, time_s: Floats) -> Floats:
     """One signal's samples on the grid, filtered; NaN where it is not."""
     return filtered(_on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S), filter_kernel())
+
+
+def _state_on_grid(signal: Signal | None, first_ns: int, time_s: Floats) -> Floats:
+    """A reference's samples on the grid, filtered; of one that comes seldom what is close to its samples.
+
+    What the low-pass would make of that is told by a curve through them, from which it is a sample or so away.
+    """
+    values = _on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S)
+    if signal is None or not _is_seldom(signal):
+        return filtered(values, filter_kernel())
+    # Nothing else of a recording needs it.
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415
+
+    stamps, first = np.unique((signal.t_ns - first_ns) * 1e-9, return_index=True)
+    away_s = np.abs(time_s - stamps[_nearest(stamps, time_s)])
+    curve = filtered(np.asarray(CubicSpline(stamps, signal.values[first])(time_s)), filter_kernel())
+    return np.where((away_s <= _AT_A_SAMPLE_S) & np.isfinite(values), curve, np.nan)
+
+
+def _nearest(stamps: Floats, time_s: Floats) -> Ints:
+    after = np.clip(np.searchsorted(stamps, time_s), 1, len(stamps) - 1)
+    return np.where(stamps[after] - time_s < time_s - stamps[after - 1], after, after - 1)
+
+
+def _is_seldom(signal: Signal | None) -> bool:
+    return signal is not None and len(signal.t_ns) > 1 and float(np.median(np.diff(signal.t_ns))) * 1e-9 > _SELDOM_S
 
 
 def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats, longest_gap_s: float = LONGEST_GAP_S) -> Floats:

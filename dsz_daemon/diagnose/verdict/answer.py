@@ -32,7 +32,7 @@ from dsz_daemon.diagnose.verdict.aliases import same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause_of_another_car
 from dsz_daemon.diagnose.verdict.configured import BEYOND, TYRES, parameter_errors
 from dsz_daemon.diagnose.verdict.goodness import goodness
-from dsz_daemon.diagnose.verdict.in_part import explains_a_part
+from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean
 from dsz_daemon.diagnose.verdict.late_leans import leans_late, with_their_roads
 from dsz_daemon.diagnose.verdict.level import (
     OF_A_TURN,
@@ -55,6 +55,9 @@ from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_c
 from dsz_daemon.diagnose.verdict.unnamed import not_named
 from dsz_daemon.diagnose.verdict.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
+
+# Units of what is neither of the IMU nor a wheel's speed, by how it is called.
+_BY_END = {"_radps": "rad/s", "_rad": "rad"}
 
 
 def answered(
@@ -88,6 +91,7 @@ def answered(
     if unexplained:
         of_all = (found.drive, found.rows, found.best)
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
+        no_names |= {effect for effect, gain in found.gains.items() if is_of_a_lean(effect, gain, unexplained)}
     by_another, turning = turned_by_another(found, level)
     no_names, unexplained = no_names | by_another, [*unexplained, *(c for c in turning if c not in unexplained)]
     # What is given no name has no numbers, but for what is a number of the car and never had one.
@@ -173,9 +177,14 @@ def with_what_has_no_shape(said: Diagnosis, found: Search) -> Diagnosis:
         powers = (sums.left[:, c] * found.best.scatter[:, c] ** 2)[seen] / sums.counts[seen, c]
         rms = float(np.sqrt(np.average(powers, weights=sums.counts[seen, c])))
         std = float(np.std(powers) / np.sqrt(len(powers)) / (2.0 * rms))
-        unit = "m/s" if name.startswith("wheel") else unit_of(IMU_CHANNELS.index(name)) if name in IMU_CHANNELS else "1"
-        shapes.append(Shape(name, NO_SHAPE, Coefficient(rms, std, unit), 1.0))
+        shapes.append(Shape(name, NO_SHAPE, Coefficient(rms, std, _unit(name)), 1.0))
     return said._replace(unlisted=shapes)
+
+
+def _unit(channel: str) -> str:
+    if channel in IMU_CHANNELS:
+        return unit_of(IMU_CHANNELS.index(channel))
+    return next((unit for end, unit in _BY_END.items() if channel.endswith(end)), "m/s")
 
 
 def _names_slip_alone(causes: Sequence[Cause]) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsz_daemon.diagnose.effects.row import CAR, WHEELS
+from dsz_daemon.diagnose.effects.row import CAR, WHEELS, Parameter
 from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.faults.wiring import AxisFault
@@ -56,8 +56,15 @@ _OF_A_PULL = 0.25
 _LIFTS_NOTHING = 0.7
 # Of roads without their gyros.
 _UNFELT = {"road_bank": "how the car yaws on it", "road_grade": "the accelerometer, as a function of place"}
+# A number whose interval has so much of what is plausible is none.
+_ALL_OF_IT = 0.8
 # Of a moment: so uncertain that no spread is stated.
 _NEVER_S = 100.0
+
+
+def _is_untold(parameter: Parameter, std: float | None) -> bool:
+    """Whether nearly all that is plausible is inside the 95 % interval."""
+    return std is not None and 2.0 * std > _ALL_OF_IT * (parameter.high - parameter.low) / 2.0
 
 
 def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) -> Cause | None:
@@ -100,6 +107,9 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
     values, units = as_told(effect, on_the_clock(found, values), units)
     group, others = alternatives(found, effect, left)
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
+    untold = [p.name for p in described.parameters if p.name in values and _is_untold(p, values[p.name][1])]
+    if untold and len(untold) < len(values):
+        words += f" ({', '.join(untold)} not told by this drive)"
     if effect == "wheel_radius" and shares_a_factor(found):
         words += ", but for a factor that all share, which this drive does not tell"
     if effect in _UNFELT and effect in unfelt_roads(found.drive):

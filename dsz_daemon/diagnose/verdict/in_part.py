@@ -24,12 +24,22 @@ _MUCH, _TOGETHER, _PIECE_S = 0.12, 0.6, 1.0
 # Or so many times more is left than it explains: of right names 0.9.
 _MOST = 2.0
 
+# What leans shows an accelerometer a scale, and its gyro how it turns: while that is not explained no scale has a name
+# that gains less.
+_OF_A_LEAN, _MUCH_GAINED = frozenset({"gyro_x", "gyro_y"}), 50.0
+
+
+def is_of_a_lean(effect: str, gain: float, unexplained: Collection[str]) -> bool:
+    """Whether a small scale of accelerometers stands beside a roll or pitch rate that is not explained."""
+    return effect == "accel_scale" and gain < _MUCH_GAINED and not _OF_A_LEAN.isdisjoint(unexplained)
+
 
 def explains_a_part(drive: Drive, rows: Rows, fit: Fit, effect: str, unexplained: Collection[str]) -> bool:
     """Whether the channel that an effect shows most in is one of the `unexplained`, and it is no name for what is."""
     shown, expected = shown_by(drive, fit, effect)[rows.at], np.hypot(noises(drive), fit.form)
     powers = [
-        float(np.var(shown[used, c]) / expected[c] ** 2) if used.any() else 0.0 for c, used in enumerate(rows.used.T)
+        float(np.var(shown[used, c]) / expected[c] ** 2) if used.any() and expected[c] > 0.0 else 0.0
+        for c, used in enumerate(rows.used.T)
     ]
     c = int(np.argmax(powers))
     if channel_names(drive)[c] not in unexplained:
