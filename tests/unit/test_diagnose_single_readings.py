@@ -47,6 +47,48 @@ def shaken(values: np.ndarray) -> np.ndarray:
     return moved
 
 
+@pytest.mark.parametrize(
+    ("role", "size", "unit", "is_one"),
+    [
+        ("wheel_speed_rl", 1.8, "m/s", True),
+        ("wheel_speed_rl", 0.7, "m/s", False),
+        ("steering_wheel_angle", 1.0, "rad", True),
+        ("steering_wheel_angle", 0.3, "rad", False),
+        ("road_wheel_angle", 0.15, "rad", True),
+        ("road_wheel_angle", 0.02, "rad", False),
+    ],
+)
+def test_spikes_of_what_drives_the_simulation_have_any_size(role: str, size: float, unit: str, is_one: bool) -> None:
+    """No two alike: a bus that loses bits. A hand and a wheel are never there and back within two readings."""
+    sizes = size * (1.0 + np.arange(60) / 60.0)
+    found = told_by_readings({role: signal(hit(sizes if is_one else np.full(60, size)))})
+    if not is_one:
+        assert (found.shapes, len(found.signals[role].values)) == ([], N)
+        return
+    [shape] = found.shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == (role, "+-k in single readings", unit)
+    assert size < shape.coefficient.value < 2.0 * size
+    assert found.signals[role].t_ns.tolist() == np.delete(STAMPS, HIT).tolist()
+
+
+def test_few_spikes_or_very_many_are_left() -> None:
+    for count in (4, 5):
+        found = told_by_readings({"wheel_speed_fl": signal(hit(3.0, count))})
+        assert len(found.shapes) == (count == 5)
+    # Every tenth reading is another sensor's, or something else again.
+    values = NOISY.copy()
+    values[5:-5:10] += 3.0
+    assert told_by_readings({"wheel_speed_fl": signal(values)}).shapes == []
+    # Nor is a wheel that jumps and stays there for a reading more.
+    values = NOISY.copy()
+    values[HIT] += 3.0
+    values[HIT + 1] += 3.0
+    assert told_by_readings({"wheel_speed_fl": signal(values)}).shapes == []
+    values = NOISY.copy()
+    values[50] = np.nan
+    assert told_by_readings({"wheel_speed_fl": signal(values)}).shapes == []
+
+
 def test_spikes_are_said_and_left_out() -> None:
     found = told_by_readings({"accel_y": signal(hit(0.6)), "gyro_z": signal(NOISY)})
     [shape] = found.shapes
