@@ -169,3 +169,11 @@ def test_a_mount_that_tips_to_either_side_is_no_scale() -> None:
         one.measured[:, 0] += np.gradient(smooth, 0.01)
 
     assert answered(found(drive({}, CITY_V, CITY_STEER, change=add))).causes == []
+
+
+@pytest.mark.parametrize(("length_m", "is_a_tyres"), [(2.0, True), (3.5, False)])
+def test_no_tyre_builds_its_force_up_over_metres(length_m: float, is_a_tyres: bool) -> None:
+    """What does (a trailer that swings looked so, simulator 67) is something else."""
+    said = answered(found(drive({"tyre_relaxation.relaxation_length_m": length_m}, CITY_V, CITY_STEER)))
+    assert [cause.effect for cause in said.causes] == ["tyre_relaxation"] * is_a_tyres
+    assert said.verdict == ("explained" if is_a_tyres else "unexplained")

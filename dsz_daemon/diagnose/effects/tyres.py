@@ -57,7 +57,7 @@ TYRE_RELAXATION = Effect(
     "Lateral force builds up over {relaxation_length_m:.2f} m",
     "sigma F' = v (F_static - F)",
     CAR,
-    (Parameter("relaxation_length_m", "m", 0.5, 0.0, 4.0, 0.06),),
+    (Parameter("relaxation_length_m", "m", 0.5, 0.0, 2.5, 0.06),),
     source="Pacejka, Tire and Vehicle Dynamics, chapter 7",
     needs=(STEERING_RATE,),
 )
