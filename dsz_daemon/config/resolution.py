@@ -184,15 +184,23 @@ def _layout(message: Message) -> tuple[object, ...]:
     return (message.frame_id, message.is_extended_frame, sorted(map(bits, message.signals), key=str))
 
 
+# Units of what an analog sensor's voltage stands for.
+_OF_MOTION = frozenset({"rad/s", "deg/s", "m/s^2", "g"})
+
+
 def _unit_warnings(role: str, signal: SignalSettings, message: Message, where: Where) -> list[str]:
     """Where the DBC names another unit than the configuration. Unknown spellings are not judged."""
-    if signal.volts_per_count is not None:
-        return []
     warnings = []
     for part in signal.parts:
         dbc_unit = message.get_signal_by_name(part.signal).unit
         known = canonical_unit(dbc_unit)
-        if known is not None and signal.unit not in {known, "1"}:
+        if signal.volts_per_count is not None:
+            if known in _OF_MOTION:
+                warnings.append(
+                    f"{where(('signals', role, 'volts_per_count'))}: volts per count, but by the DBC "
+                    f"{message.name}.{part.signal} is in {dbc_unit!r} already"
+                )
+        elif known is not None and signal.unit not in {known, "1"}:
             warnings.append(
                 f"{where(('signals', role, 'unit'))}: configured as {signal.unit}, but the DBC says "
                 f"{dbc_unit!r} for {message.name}.{part.signal}"

@@ -21,6 +21,12 @@ _SMOOTHING_S = 0.4
 # Fewer rows than this (half a minute at 100 Hz) are no evidence for a sign or a unit.
 _ROWS_NEEDED = 500
 _SLOPE_LOW, _SLOPE_HIGH = 0.55, 1.8
+# Of what the steering says a car turns by no less: one that understeers by half, and less.
+_STEERED_LOW = 0.3
+# A wheel that reads no more than this stands; one alone does not for so long while the others turn so quickly.
+_STANDS_MPS, _OTHERS_MPS, _ALONE_S = 0.1, 5.0, 5.0
+# A car that is felt to move by this scatter, rad/s and m/s^2, does not stand.
+_FELT = {"gyro_z": 0.03, "accel_x": 0.7, "accel_y": 0.7}
 _REFUSED = {
     "spike": "single samples that jump off and back, further than a car can move: a loose contact?",
     "frozen": "it repeated itself while the wheels' speed changed: a frozen sensor?",
@@ -85,6 +91,9 @@ class Plausibility:
     changes: dict[str, int] = field(default_factory=dict)
     last: dict[str, float] = field(default_factory=dict)
     fast_rows: int = 0
+    fastest_mps: float = 0.0
+    others_turn: dict[str, int] = field(default_factory=dict)
+    stands_alone: dict[str, int] = field(default_factory=dict)
     refused: dict[Refusal, int] = field(default_factory=dict)
 
     def watch(self, row: Row) -> None:
@@ -103,6 +112,8 @@ class Plausibility:
         if math.isnan(speed):
             return
         self.fast_rows += speed > 70.0
+        self.fastest_mps = max(self.fastest_mps, *known)
+        self._count_wheels(speeds)
         old = self.smoothed.get("speed", speed)
         speed_rate = (speed - old) / _SMOOTHING_S
         self._smooth("speed", speed)
@@ -127,6 +138,13 @@ class Plausibility:
             self.changes[name] = moved + (value != self.last.get(name))
             self.last[name] = value
 
+    def _count_wheels(self, speeds: list[float]) -> None:
+        for i, name in enumerate(WHEEL_SPEEDS):
+            others = min((speed for k, speed in enumerate(speeds) if k != i), default=math.nan)
+            if others > _OTHERS_MPS and not math.isnan(speeds[i]):
+                self.others_turn[name] = self.others_turn.get(name, 0) + 1
+                self.stands_alone[name] = self.stands_alone.get(name, 0) + (speeds[i] < _STANDS_MPS)
+
     def _smooth(self, name: str, value: float) -> float:
         if math.isnan(value):
             return math.nan
@@ -145,7 +163,15 @@ class Plausibility:
 
     def findings(self) -> list[str]:
         """All warnings so far, in words with figures; empty when nothing contradicts physics."""
-        said = (self._vertical(), self._dead(), self._refused(), self._speed(), self._yaw(), self._forces())
+        said = (
+            self._vertical(),
+            self._dead(),
+            self._dead_wheels(),
+            self._refused(),
+            self._speed(),
+            self._yaw(),
+            self._forces(),
+        )
         return [words for found in said for words in found]
 
     def _vertical(self) -> list[str]:
@@ -167,6 +193,28 @@ class Plausibility:
             for name, count in self.changes.items()
             if count <= 1 and self.sums[name].n > _ROWS_NEEDED
         ]
+
+    def _alone(self) -> list[str]:
+        """Wheels that stood whenever the other three turned."""
+        rows = _ALONE_S / self.period_s
+        return [name for name, n in self.stands_alone.items() if n > max(rows, 0.9 * self.others_turn[name])]
+
+    def _dead_wheels(self) -> list[str]:
+        words = [f"{name} reads 0 while the other wheels turn: a dead sensor?" for name in self._alone()]
+        if "speed" in self.smoothed and self.fastest_mps < _STANDS_MPS:
+            moved = [name for name, least in _FELT.items() if self._scatter(name) > least]
+            if moved:
+                words.append(
+                    f"the wheels never turned while {' and '.join(moved)} moved as in a car that drives: dead sensors? "
+                    "Offsets are learnt as at a standstill"
+                )
+        return words
+
+    def _scatter(self, name: str) -> float:
+        felt = self.sums.get(name)
+        if felt is None or felt.n < _ROWS_NEEDED:
+            return 0.0
+        return math.sqrt(max(0.0, felt.yy / felt.n - (felt.y / felt.n) ** 2))
 
     def _refused(self) -> list[str]:
         def words(role: str, why: str) -> str:
@@ -197,7 +245,8 @@ class Plausibility:
     def _yaw(self) -> list[str]:
         words = []
         found = self._strong("gyro_z on wheels", 0.04)
-        if found is not None:
+        # What one dead wheel says of a turn is half of it.
+        if found is not None and not {"wheel_speed_rl", "wheel_speed_rr"} & set(self._alone()):
             if found.correlation < -0.5:
                 words.append(
                     f"gyro_z runs against the rear wheels' difference (slope {found.slope:.2f}): "
@@ -212,6 +261,11 @@ class Plausibility:
         if steered is not None and steered.correlation < -0.5:
             words.append(
                 f"gyro_z runs against the steering (slope {steered.slope:.2f}): one of the two signs seems reversed"
+            )
+        elif steered is not None and steered.correlation > 0.8 and not _STEERED_LOW < steered.slope < _SLOPE_HIGH:
+            words.append(
+                f"gyro_z is {steered.slope:.3g} times the yaw rate that the steering says: a ratio or unit seems wrong "
+                "(the hand wheel's angle as the road wheels' gives 0.06, the reverse 16)"
             )
         return words
 

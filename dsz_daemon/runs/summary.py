@@ -59,7 +59,7 @@ class RunSummary:
         # The longest that each role was away and came back.
         self._longest_age_s: dict[str, float] = {}
         self.rows = 0
-        self._first_ns = self._last_ns = 0
+        self._first_ns = self._passed_ns = 0
         self._last: Row | None = None
         self.events: list[dict[str, Any]] = []
 
@@ -68,8 +68,11 @@ class RunSummary:
         if self.rows == 0:
             self._first_ns = row.t_ns
         self.rows += 1
+        # A clock that is set is no time that passed.
+        if self._last is not None and row.event != "clock_step":
+            self._passed_ns += row.t_ns - self._last.t_ns
         before_s = self._last.ages_s if self._last else {}
-        self._last_ns, self._last = row.t_ns, row
+        self._last = row
         if row.event not in {"", "start"} and len(self.events) < 1000:
             self.events.append({"time_s": row.t_ns * 1e-9, "event": row.event})
         self._plausibility.watch(row)
@@ -92,7 +95,7 @@ class RunSummary:
         if not output.gate:
             channel.reasons[output.reason.name.lower()] += 1
         if channel.converged_after_s is None and output.state.name == "CONVERGED":
-            channel.converged_after_s = (row.t_ns - self._first_ns) * 1e-9
+            channel.converged_after_s = self.duration_s
         reference = row.inputs.get(REFERENCE_OF[name], math.nan)
         if not math.isnan(reference + output.compensated):
             channel.reference.add(reference)
@@ -101,8 +104,8 @@ class RunSummary:
 
     @property
     def duration_s(self) -> float:
-        """From the first row to the last."""
-        return (self._last_ns - self._first_ns) * 1e-9
+        """What passed from the first row to the last, but for steps of the clock."""
+        return self._passed_ns * 1e-9
 
     def _channel_result(self, name: str) -> dict[str, Any]:
         channel = self._channels[name]
@@ -216,6 +219,12 @@ class RunSummary:
                 words.append(f"{role}: mapped, but never received ({seen})")
             elif counts.rejected > 0.01 * counts.samples:
                 words.append(f"{role}: {counts.words()}")
+        if decoded.ambiguous:
+            bound = sorted({f"{name} on {m.channel}" for name, m in decoded.messages.items() if m.channel is not None})
+            words.append(
+                f"{decoded.ambiguous} frames not used, for their messages were first seen on another interface "
+                f"({', '.join(bound)}); give their signals a channel"
+            )
         return words
 
     def _gone(self, decoded: DecodeCounters) -> list[str]:

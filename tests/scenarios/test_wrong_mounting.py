@@ -84,6 +84,18 @@ MISTAKES = {
         sd.WHEELS, ">4H", lambda fl, fr, rl, rr: (fr, fl, rr, rl),
     ),
     "steering reversed": Mistake("gyro_z runs against the steering", sd.STEER, ">h", lambda angle: (-angle,)),
+    "the hand wheel's angle taken for the road wheels'": Mistake(
+        "(the hand wheel's angle as the road wheels' gives 0.06, the reverse 16)",
+        config=CONFIG.replace("steering_wheel_angle:", "road_wheel_angle:"),
+    ),
+    "a rear wheel's sensor is dead": Mistake(
+        "wheel_speed_rl reads 0 while the other wheels turn: a dead sensor?",
+        sd.WHEELS, ">4H", lambda fl, fr, rl, rr: (fl, fr, 0, rr),
+    ),
+    "all wheels' sensors are dead": Mistake(
+        "the wheels never turned while gyro_z and accel_x and accel_y moved as in a car that drives: dead sensors?",
+        sd.WHEELS, ">4H", lambda fl, fr, rl, rr: (0, 0, 0, 0),
+    ),
 }  # fmt: skip
 
 
@@ -99,6 +111,16 @@ def test_what_contradicts_physics_is_said(
     assert called.code == 0
     summary: dict[str, Any] = json.loads(called.out)
     assert any(mistake.words in warning for warning in summary["warnings"]), summary["warnings"]
+
+
+def test_a_dead_wheel_is_not_told_as_the_gyros_unit(
+    dsz: Callable[..., Called], drive: Sequence[Sent], tmp_path: Path
+) -> None:
+    sent = sd.words_changed(drive, sd.WHEELS, ">4H", lambda _t_s, fl, fr, rl, rr: (fl, fr, rl, 0))
+    log, config = sd.write(tmp_path, sent)
+    summary = json.loads(dsz("replay", log, "-c", config, "-o", tmp_path / "out", "--json").out)
+    assert [words for words in summary["warnings"] if "a unit seems wrong" in words] == []
+    assert any("wheel_speed_rr reads 0" in words for words in summary["warnings"])
 
 
 def test_nothing_is_said_of_a_good_drive(clean: Replayed) -> None:
