@@ -26,6 +26,11 @@ class RoleCounts:
         """Values that came but were not used."""
         return self.short + self.flagged + self.not_a_number + self.out_of_range
 
+    @property
+    def refuses_many(self) -> bool:
+        """Whether so many were refused that it is worth a word: more than one in a hundred of those used."""
+        return self.rejected > 0.01 * self.samples
+
     def words(self) -> str:
         """How many values were refused, and why."""
         return (

@@ -140,8 +140,8 @@ class Plausibility:
 
     def _count_wheels(self, speeds: list[float]) -> None:
         for i, name in enumerate(WHEEL_SPEEDS):
-            others = min((speed for k, speed in enumerate(speeds) if k != i), default=math.nan)
-            if others > _OTHERS_MPS and not math.isnan(speeds[i]):
+            others = speeds[:i] + speeds[i + 1 :]
+            if not math.isnan(speeds[i]) and all(speed > _OTHERS_MPS for speed in others):
                 self.others_turn[name] = self.others_turn.get(name, 0) + 1
                 self.stands_alone[name] = self.stands_alone.get(name, 0) + (speeds[i] < _STANDS_MPS)
 

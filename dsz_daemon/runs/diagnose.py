@@ -31,8 +31,6 @@ from dsz_daemon.signals import WHEEL_SPEEDS
 Progress = Callable[[int, int], None]
 
 _SIDE_BY_SIDE = 2
-# So many values of a role that are refused are worth a word.
-_MANY_REFUSED = 0.01
 
 
 class Beside(NamedTuple):
@@ -219,7 +217,7 @@ def _read(
             "(logs that overlap, or in another order than they were recorded?)"
         )
     for role, counts in decoder.counters.roles.items():
-        if counts.rejected > _MANY_REFUSED * counts.samples:
+        if counts.refuses_many:
             warnings.append(f"{role}: {counts.words()}")
     signals = {role: Signal(np.array(stamps[role], dtype=np.int64), np.array(values[role])) for role in stamps}
     return signals, warnings

@@ -217,13 +217,13 @@ class RunSummary:
                 seen = f"{counts.rejected} values, all refused" if counts.rejected else "no frame of it"
                 seen = f"{whole} frames of {message_of[role]}, all refused" if whole and not counts.rejected else seen
                 words.append(f"{role}: mapped, but never received ({seen})")
-            elif counts.rejected > 0.01 * counts.samples:
+            elif counts.refuses_many:
                 words.append(f"{role}: {counts.words()}")
         if decoded.ambiguous:
             bound = sorted({f"{name} on {m.channel}" for name, m in decoded.messages.items() if m.channel is not None})
             words.append(
-                f"{decoded.ambiguous} frames not used, for their messages were first seen on another interface "
-                f"({', '.join(bound)}); give their signals a channel"
+                f"{decoded.ambiguous} frames not used, which came on another interface than the first of their message "
+                f"(first seen: {', '.join(bound)}); give their signals a channel"
             )
         return words
 

@@ -151,5 +151,11 @@ def test_without_wheels_or_readings_nothing_is_told() -> None:
     values = signals["accel_z"].values.copy()
     values[7] = np.nan
     assert told_by_turning({**signals, "accel_z": Signal(signals["accel_z"].t_ns, values)}) == []
+    unknown = signals["wheel_speed_rr"].values.copy()
+    unknown[7] = np.nan
+    assert told_by_turning({**signals, "wheel_speed_rr": Signal(signals["wheel_speed_rr"].t_ns, unknown)}) == []
+    # Stamps of whole seconds.
+    whole = {name: Signal(one.t_ns // 10**9 * 10**9, one.values) for name, one in signals.items()}
+    assert told_by_turning(whole) == []
     stands = {name: Signal(one.t_ns, np.zeros(len(one.values))) for name, one in signals.items()}
     assert told_by_turning(stands) == []

@@ -56,14 +56,14 @@ def told_by_turning(signals: Mapping[str, Signal]) -> list[Shape]:
     `s` is the distance that was driven: what is written comes back after 2 pi times the radius.
     """
     wheels = [signals[name] for name in WHEEL_SPEEDS if name in signals]
-    if not wheels or any(len(wheel.t_ns) < _FEWEST for wheel in wheels):
+    if not wheels or not all(map(_is_known, wheels)):
         return []
     first_ns = int(wheels[0].t_ns[0])
     grid_s = _evenly_driven(wheels, first_ns)
     shapes = []
     for name in (*IMU_CHANNELS, *WHEEL_SPEEDS):
         signal = signals.get(name)
-        if signal is None or len(signal.t_ns) < _FEWEST or not np.isfinite(signal.values).all():
+        if signal is None or not _is_known(signal):
             continue
         noise = white_std(signal.values)
         at_s = np.asarray((signal.t_ns - first_ns) * 1e-9, dtype=np.float64)
@@ -74,6 +74,10 @@ def told_by_turning(signals: Mapping[str, Signal]) -> list[Shape]:
         if tone is None or np.mean(line.square) > _OF_A_TONE * np.mean(tone.square):
             shapes.append(_as_shape(name, line, noise))
     return shapes
+
+
+def _is_known(signal: Signal) -> bool:
+    return len(signal.t_ns) >= _FEWEST and bool(np.isfinite(signal.values).all())
 
 
 def _evenly_driven(wheels: list[Signal], first_ns: int) -> Floats:
@@ -91,7 +95,10 @@ def _line(at_s: Floats, values: Floats, grid_s: Floats, radii_m: tuple[float, fl
     """The strongest line that wheels of such radii could have, of those that stand out; None where none does."""
     starts = range(0, len(grid_s) - _LENGTH + 1, _LENGTH // 2)
     stretches = np.array([grid_s[i : i + _LENGTH] for i in starts]).reshape(-1, _LENGTH)
+    # Of readings whose stamps stand still nobody knows how often they come.
     period_s = float(np.median(np.diff(at_s)))
+    if not period_s > 0.0:
+        return None
     stretches = stretches[_is_whole(stretches, at_s, period_s)]
     shown = np.interp(stretches, at_s, values)
     window = np.hanning(_LENGTH + 1)[:-1]

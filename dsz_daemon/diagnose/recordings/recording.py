@@ -178,16 +178,15 @@ def _state_on_grid(signal: Signal | None, first_ns: int, time_s: Floats) -> Floa
 
     What the low-pass would make of that is told by a curve through them, from which it is a sample or so away.
     """
-    values = _on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S)
     if signal is None or not _is_seldom(signal):
-        return filtered(values, filter_kernel())
+        return filtered(_on_grid(signal, first_ns, time_s, _REFERENCE_GAP_S), filter_kernel())
     # Nothing else of a recording needs it.
     from scipy.interpolate import CubicSpline  # noqa: PLC0415
 
     stamps, first = np.unique((signal.t_ns - first_ns) * 1e-9, return_index=True)
     away_s = np.abs(time_s - stamps[_nearest(stamps, time_s)])
     curve = filtered(np.asarray(CubicSpline(stamps, signal.values[first])(time_s)), filter_kernel())
-    return np.where((away_s <= _AT_A_SAMPLE_S) & np.isfinite(values), curve, np.nan)
+    return np.where(away_s <= _AT_A_SAMPLE_S, curve, np.nan)
 
 
 def _nearest(stamps: Floats, time_s: Floats) -> Ints:

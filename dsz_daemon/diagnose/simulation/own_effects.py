@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsz_daemon.diagnose.effects.row import Effect, Motion
+from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.simulation.drive import CHANNELS
 
-# Steps of a motion that is none.
-_STEPS = 10
+# Steps of a car that does one of everything all the time.
+_STEPS = 1000
 
 
 def require_sound(effects: Sequence[Effect]) -> None:
@@ -30,7 +31,8 @@ def _faults(effect: Effect) -> list[str]:
     if effect.shows is None:
         return faults
     try:
-        shown = dict(effect.shows(Motion(*(np.ones(_STEPS) for _ in Motion._fields)), values))
+        steady = Motion(*(np.ones(_STEPS) for _ in Motion._fields))
+        shown = dict(effect.shows(steady._replace(time_s=np.asarray(DT_S * np.arange(_STEPS))), values))
     except KeyError as error:
         return [*faults, f"shows asks for {error}; {own}"]
     for channel, course in shown.items():
