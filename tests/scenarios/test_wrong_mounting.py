@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -113,14 +114,51 @@ def test_what_contradicts_physics_is_said(
     assert any(mistake.words in warning for warning in summary["warnings"]), summary["warnings"]
 
 
+def warnings_of(dsz: Callable[..., Called], folder: Path, sent: Sequence[Sent], config: str = CONFIG) -> list[str]:
+    log, config_path = sd.write(folder, sent, config)
+    told: list[str] = json.loads(dsz("replay", log, "-c", config_path, "-o", folder / "out", "--json").out)["warnings"]
+    return told
+
+
 def test_a_dead_wheel_is_not_told_as_the_gyros_unit(
     dsz: Callable[..., Called], drive: Sequence[Sent], tmp_path: Path
 ) -> None:
-    sent = sd.words_changed(drive, sd.WHEELS, ">4H", lambda _t_s, fl, fr, rl, rr: (fl, fr, rl, 0))
-    log, config = sd.write(tmp_path, sent)
-    summary = json.loads(dsz("replay", log, "-c", config, "-o", tmp_path / "out", "--json").out)
-    assert [words for words in summary["warnings"] if "a unit seems wrong" in words] == []
-    assert any("wheel_speed_rr reads 0" in words for words in summary["warnings"])
+    """At one speed the other wheel of its axle turns with the car, half as much as both would tell."""
+    turns = {}
+
+    def steady(t_s: float, *_: int) -> tuple[int, int, int, int]:
+        differ = 0.5 * sd.TRACK_M * 0.15 * math.sin(2.0 * math.pi * t_s / 8.0)
+        left, right = (round(3.6 * (15.0 + side * differ) / 0.01) for side in (-1.0, 1.0))
+        return left, right, left, turns.get("right", right)
+
+    def turning(t_s: float, p: int, q: int, _: int) -> tuple[int, int, int]:
+        return p, q, round(0.15 * math.sin(2.0 * math.pi * t_s / 8.0) / sd.DEG / 0.01)
+
+    sent = sd.words_changed(drive, sd.RATES, "<3h", turning)
+    alive = warnings_of(dsz, tmp_path / "alive", sd.words_changed(sent, sd.WHEELS, ">4H", steady))
+    assert [words for words in alive if "rear wheels" in words or "reads 0" in words] == []
+    turns["right"] = 0
+    dead = warnings_of(dsz, tmp_path / "dead", sd.words_changed(sent, sd.WHEELS, ">4H", steady))
+    assert any("wheel_speed_rr reads 0 while the other wheels turn" in words for words in dead)
+    assert [words for words in dead if "rear wheels" in words] == []
+
+
+def test_a_wheel_that_stands_for_a_while_is_not_dead(
+    dsz: Callable[..., Called], drive: Sequence[Sent], tmp_path: Path
+) -> None:
+    sent = sd.words_changed(
+        drive, sd.WHEELS, ">4H", lambda t_s, fl, fr, rl, rr: (fl, fr, 0 if 7.0 < t_s < 13.0 else rl, rr)
+    )
+    assert [words for words in warnings_of(dsz, tmp_path, sent) if "reads 0" in words] == []
+
+
+def test_a_car_that_stands_on_a_slope_has_no_dead_wheels(
+    dsz: Callable[..., Called], drive: Sequence[Sent], tmp_path: Path
+) -> None:
+    sent = sd.words_changed(drive, sd.WHEELS, ">4H", lambda *_: (0, 0, 0, 0))
+    sent = sd.words_changed(sent, sd.RATES, "<3h", lambda t_s, *_: (80, -60, 50 + int(1000 * t_s) % 2))
+    sent = sd.words_changed(sent, sd.ACCELS, "<3h", lambda t_s, *_: (800 + int(1000 * t_s) % 2, 600, 4800))
+    assert [words for words in warnings_of(dsz, tmp_path, sent) if "never turned" in words] == []
 
 
 def test_nothing_is_said_of_a_good_drive(clean: Replayed) -> None:

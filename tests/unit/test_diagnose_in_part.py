@@ -155,6 +155,17 @@ def test_a_small_scale_beside_a_lean_is_a_part_of_it(
     assert is_of_a_lean(effect, gain, unexplained) == is_one
 
 
+def test_beside_a_lean_a_small_scale_is_given_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(drive({"accel_scale.y": 0.03}, CITY_V, CITY_STEER))
+    small = search._replace(gains={"accel_scale": 40.0})
+    assert [cause.effect for cause in answered(small).causes] == ["accel_scale"]
+    monkeypatch.setattr(answer, "explains_a_part", lambda *_: False)
+    for unexplained, gain, there in (("gyro_z", 40.0, True), ("gyro_x", 400.0, True), ("gyro_x", 40.0, False)):
+        monkeypatch.setattr(answer, "unexplained_of", lambda *_, c=unexplained: [c])
+        said = answered(search._replace(gains={"accel_scale": gain}))
+        assert [cause.effect for cause in said.causes] == ["accel_scale"] * there
+
+
 def test_a_mount_that_tips_to_either_side_is_no_scale() -> None:
     """By 0.15 degrees, once as far as it goes: the gyro that turns with it shows each time."""
     side = predicted(drive({}, CITY_V, CITY_STEER), nothing(), flat(len(T)))[:, 4]

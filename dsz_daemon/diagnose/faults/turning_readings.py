@@ -27,9 +27,9 @@ _LENGTH = _POINTS * _METRES
 _RADII_M, _ANY_M = (0.2, 0.5), (0.06, 1.0)
 # A line is as wide as so many places of the spectrum to each side; between these from it is what there is without it.
 _WIDE, _BESIDE = 2, (4, 8)
-# What comes back more seldom, Hz, may be a driver's; of readings' rate a line is below this part, and so many of a
-# stretch's readings are there.
-_SELDOM_HZ, _OF_RATE, _THERE = 3.0, 0.42, 0.8
+# What comes back more seldom, Hz, may be a driver's; of readings' rate a line is below this part, for it has an image
+# as far below the rate; and so many of a stretch's readings are there.
+_SELDOM_HZ, _OF_RATE, _THERE = 3.0, 0.35, 0.8
 # There are so many stretches at least. A line is so many spreads of their mean, and so many times what is beside it;
 # over time there is none of which it is less than this part. Its rms is so much of the readings' white noise at least,
 # and of a wheel's speed, whose ring is never quite even.
@@ -37,6 +37,8 @@ _FEWEST, _SURE, _ABOVE, _OF_A_TONE = 8, 6.0, 1.5, 0.8
 _OF_NOISE, _UNEVEN = 0.3, 0.003
 # What a sine's power is of that of its highest place, all places of a Hann window together.
 _HANN = 1.5
+# So far off, as a share, straight lines between readings and a speed that changes meanwhile leave k.
+_FORM = 0.02
 # With which power of speed the line's amplitude may grow, and what the unit of k is per.
 _GROWTH = (("", ""), ("vx*", "/(m/s)"), ("vx^2*", "/(m2/s2)"))
 
@@ -167,6 +169,6 @@ def _as_shape(name: str, line: _Line, noise: float) -> Shape:
     return Shape(
         name,
         f"k*{written}sin(s/{line.radius_m:.2f} m)",
-        Coefficient(k, spread / (2.0 * k), f"({unit}){per}" if per else unit),
+        Coefficient(k, math.hypot(spread / (2.0 * k), _FORM * k), f"({unit}){per}" if per else unit),
         power / (power + noise**2),
     )
