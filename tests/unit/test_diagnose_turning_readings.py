@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.faults.turning_readings import _as_shape, _evenly_driven, _Line, told_by_turning
+from dsz_daemon.diagnose.faults.turning_readings import _as_shape, _evenly_driven, _Line, _stands_out, told_by_turning
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -151,6 +151,16 @@ def test_a_spread_is_that_of_a_mean_and_two_parts_in_a_hundred() -> None:
     shape = _as_shape("accel_z", _Line(0.31, speed, square, np.zeros(40)), 0.05)
     assert (shape.shape, shape.coefficient.value) == ("k*sin(s/0.31 m)", pytest.approx(0.2))
     assert shape.coefficient.std == pytest.approx(np.hypot(0.01 / np.sqrt(40) / 0.4, 0.004))
+
+
+def test_a_line_is_sure_in_its_stretches() -> None:
+    """Much in three of eighty is a shake or two, as much in the mean of all is a line."""
+    beside, speed = np.full(80, 0.01), np.full(80, 20.0)
+    seldom = np.where(np.arange(80) % 27 == 0, 1.0, 0.0)
+    assert not _stands_out(_Line(0.31, speed, seldom, beside))
+    assert _stands_out(_Line(0.31, speed, np.full(80, np.mean(seldom)), beside))
+    assert not _stands_out(_Line(0.31, speed, np.full(80, 0.014), beside))
+    assert not _stands_out(_Line(0.31, speed[:7], np.full(7, 1.0), beside[:7]))
 
 
 def test_what_shakes_for_a_while_does_not_come_round() -> None:
