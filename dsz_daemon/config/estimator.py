@@ -43,6 +43,7 @@ class ZeroingSettings(_Section):
     start_s: Annotated[float, Field(gt=0, le=600)] = 2.0
     standstill_density: Annotated[float, Field(gt=0, le=1e4)] = 0.01
     gain_limit_per_s: Annotated[float, Field(gt=0, le=1000)] = 50.0
+    neglect_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
 
     def law(self, to_si: float) -> ZeroingTuning:
         """The same law in SI."""
@@ -60,6 +61,7 @@ class ZeroingSettings(_Section):
             prior_std=self.prior_std * to_si,
             goal_std=self.goal_std * to_si,
             largest_offset=self.largest_offset * to_si,
+            neglect_s=self.neglect_s,
         )
 
 
@@ -73,10 +75,11 @@ _ROLL_PITCH_RATE = ZeroingSettings(
     drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30,
 )  # fmt: skip
 # Inside the steering gate the car still follows gentle curves: some 0.5 deg/s rms, correlated over ~3 s.
-# What was really seen outvotes this after a few blocks.
+# What was really seen outvotes this after a few blocks. A curve that steering and wheels agree on takes 5 s and more
+# (R = 800 m turned by 10 deg at 30 m/s), and teaches that much less.
 _YAW_RATE = ZeroingSettings(
     window_s=150, noise_density=1.5, noise_blocks=2, standstill_density=0.005,
-    drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30,
+    drift_density=4e-6, floor_std=0.01, prior_std=3.0, goal_std=0.1, largest_offset=30, neglect_s=10,
 )  # fmt: skip
 # Grade 1.5 deg rms over 300 m and bank 1.5 deg rms over 200 m at 15 m/s, as long-run densities
 # (g sigma)^2 2 L / v; a single look is off by g sigma. A calm stretch says little about the next hill: hence
@@ -103,6 +106,9 @@ class GateSettings(_Section):
 
     yaw_max_road_wheel_angle_deg: float = _number(
         0.5, 0.01, 10, "k_r of (15). Wide enough for a steering zero error of some 5 deg at the hand wheel"
+    )
+    yaw_steering_zero_deg: float = _number(
+        0.1, 0.0, 10, "at the road wheel: less than this (1.5 deg at the hand wheel) is no curve but the sensor's zero"
     )
     c1_longitudinal_max_tau: float = _number(0.5, 0.001, 1000, "c1: calm driving scatters below the scales of tau")
     c2_longitudinal_max_speed_variance_m2ps2: float = _number(
@@ -248,6 +254,7 @@ class EstimatorSettings(_Section):
             as_printed=self.as_printed,
             c_y=self.lateral_gain,
             k_r_rad=gate.yaw_max_road_wheel_angle_deg * _DEG,
+            yaw_steering_zero_rad=gate.yaw_steering_zero_deg * _DEG,
             c1=gate.c1_longitudinal_max_tau,
             c2_m2ps2=gate.c2_longitudinal_max_speed_variance_m2ps2,
             c3_mps=gate.c3_lateral_min_speed_mps,

@@ -14,6 +14,7 @@ from dsz_daemon.compiled import compiled_with
 from dsz_daemon.core import (
     attitude,
     bicycle,
+    curve,
     doubt,
     gates,
     kinematics,
@@ -64,7 +65,21 @@ def _run(car: Car, tuning: Tuning, state: EstimatorState, inputs: Floats, dt_s: 
     return state
 
 
-_ROOM = (attitude, bicycle, doubt, gates, kinematics, linear, motion, parameters, speed, stiffness, stepping, zeroing)
+_ROOM = (
+    attitude,
+    bicycle,
+    curve,
+    doubt,
+    gates,
+    kinematics,
+    linear,
+    motion,
+    parameters,
+    speed,
+    stiffness,
+    stepping,
+    zeroing,
+)
 _compiled_run = compiled_with(_run, (_put,), _ROOM)
 
 

@@ -56,6 +56,12 @@ def lateral_acceleration(model: Bicycle, v: float, beta: float, r: float, delta:
     return model.a11 * v * beta + (model.a12 + 1.0) * v * r + model.b1 * v * delta
 
 
+def steady_yaw_rate(model: Bicycle, delta: float) -> float:
+    """Yaw rate (rad/s) at which (1) comes to rest, 0 = A x + B delta; NaN for a car that has no such state."""
+    det = model.a11 * model.a22 - model.a12 * model.a21
+    return (model.a21 * model.b1 - model.a11 * model.b2) / det * delta if det > 0.0 else math.nan
+
+
 def steer_margin(lf: float, lr: float, Cf: float, Cr: float) -> float:
     """(C_f l_f - C_r l_r) / (C_f l_f + C_r l_r): negative understeers, zero is neutral."""
     return (Cf * lf - Cr * lr) / (Cf * lf + Cr * lr)

@@ -3,8 +3,8 @@
 At a standstill a gyro's target is nearly exact, so the law of `zeroing` would soon follow any reading. But an
 offset wanders slowly; what leaps by many of its own spreads is something else: a sensor that fails, flipped bits,
 somebody who rocks the car, a ferry or a turntable. The innovation d, smoothed over `look_s`, has the variance
-P + S/(2 look_s) while all is well. Beyond `sigmas` of that nothing is learnt, and d^2 is added to the published
-variance, which covers both readings.
+P + n^2 + S/(2 look_s) while all is well, n being what was neglected. Beyond `sigmas` of that nothing is learnt,
+and d^2 is added to the published variance, which covers both readings.
 
 What lasts for `wait_s` is believed after all (the offset may really have moved while the car was parked): P grows
 by d^2, though not beyond the largest offset, and the law goes to the new reading within a look. Two readings have
@@ -38,7 +38,7 @@ def looked(state: ZeroingState, target: float, law: ZeroingTuning, tuning: Doubt
     departure = state.departure + share * (innovation - state.departure)
     scatter = law.standstill_density / (2.0 * tuning.look_s)
     fade = math.exp(-2.0 * dt_s / tuning.memory_s)
-    if departure * departure <= tuning.sigmas**2 * (state.variance + scatter):
+    if departure * departure <= tuning.sigmas**2 * (state.variance + state.neglected**2 + scatter):
         calm = max(0.0, state.doubted_s - dt_s)
         return Look(with_doubt(state, departure, calm, 0.0, state.contradiction * fade), True)
     doubted = state.doubted_s + dt_s
@@ -46,7 +46,7 @@ def looked(state: ZeroingState, target: float, law: ZeroingTuning, tuning: Doubt
     most = max(law.prior_std, law.largest_offset) ** 2
     if doubted < tuning.wait_s - _ROUNDING_S:
         return Look(with_doubt(state, departure, doubted, gap, state.contradiction), False)
-    moved = with_law(state, state.correction, max(state.variance, min(state.variance + gap, most)))
+    moved = with_law(state, state.correction, max(state.variance, min(state.variance + gap, most)), state.neglected)
     return Look(with_doubt(moved, 0.0, 0.0, 0.0, max(state.contradiction, gap)), True)
 
 

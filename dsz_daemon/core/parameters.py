@@ -41,7 +41,8 @@ class ZeroingTuning(NamedTuple):
     it takes to outvote the first. `drift_density` is the offset's random walk (unit^2/s), `floor_std`
     what no averaging removes, `prior_std` the data sheet's word before anything was learnt. `look_std`
     is how far off a single look of some `look_s` may be (the slow process's own scatter): where less than
-    that is known, one look tells it.
+    that is known, one look tells it. What a target takes as zero though other sensors tell it lasts for some
+    `neglect_s` (twice the time over which it hangs together).
     """
 
     window_s: float
@@ -58,6 +59,7 @@ class ZeroingTuning(NamedTuple):
     largest_offset: float
     look_std: float = math.inf
     look_s: float = 1.0
+    neglect_s: float = 0.0
 
 
 class DoubtTuning(NamedTuple):
@@ -89,6 +91,7 @@ class Tuning(NamedTuple):
     c_y: float
     # (15), Table 3
     k_r_rad: float
+    yaw_steering_zero_rad: float
     c1: float
     c2_m2ps2: float
     c3_mps: float

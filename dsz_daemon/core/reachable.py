@@ -44,6 +44,8 @@ def unreachable_zeroing(state: ZeroingState, law: ZeroingTuning, c: float, block
     for name, (value, high) in bounds.items():
         if not 0.0 <= value <= high:
             return f"{name} is {value:.4g}; expected 0 to {high:.4g}"
+    if abs(state.neglected) > largest * (1.0 + _ROUNDING):
+        return f"neglected is {state.neglected:.4g}; expected no more than {largest:.4g}"
     if abs(state.block_sum) > largest * state.block_s * (1.0 + _ROUNDING):
         return f"block_sum is {state.block_sum:.4g} after {state.block_s:.4g} s"
     if state.block_s > 0.0 and state.block_variance <= 0.0:

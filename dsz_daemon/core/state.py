@@ -6,7 +6,7 @@ import math
 from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
-from dsz_daemon.core import attitude, bicycle, doubt, gates, speed, stiffness, zeroing
+from dsz_daemon.core import attitude, bicycle, curve, doubt, gates, speed, stiffness, zeroing
 from dsz_daemon.core.parameters import Tuning
 from dsz_daemon.core.zeroing import ZeroingState
 
@@ -25,6 +25,7 @@ class EstimatorState(NamedTuple):
     attitude: attitude.AttitudeState
     transient: gates.TransientState
     stiffness: stiffness.StiffnessState
+    curve: curve.CurveState
 
 
 def initial_state(tuning: Tuning) -> EstimatorState:
@@ -41,6 +42,7 @@ def initial_state(tuning: Tuning) -> EstimatorState:
         attitude=attitude.AttitudeState(),
         transient=gates.TransientState(),
         stiffness=stiffness.initial_stiffness(tuning),
+        curve=curve.CurveState(),
     )
 
 

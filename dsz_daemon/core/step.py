@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from dsz_daemon.core import bicycle, doubt, gates, kinematics, speed, stiffness, zeroing
+from dsz_daemon.core import bicycle, curve, doubt, gates, kinematics, speed, stiffness, zeroing
 from dsz_daemon.core.motion import (
     Motion,
     moved,
@@ -54,7 +54,9 @@ def advanced(
     """The new state after one tick."""
     inputs = speed.signed_wheels(_finite(inputs))
     before, speed_state = moved(car, tuning, state, inputs, dt_s)
-    gyros, why_gyro = _zeroed_gyros(state, inputs, before, tuning, dt_s)
+    bend = curve.advanced_curve(state.curve, car, inputs, before.delta, dt_s)
+    agreed = curve.agreed_yaw_rate(bend, car, before.v, tuning) if before.speed_valid else 0.0
+    gyros, why_gyro = _zeroed_gyros(state, inputs, before, agreed, tuning, dt_s)
     motion = Motion(
         zeroing.compensated(inputs.gyro_x, gyros[0]),
         zeroing.compensated(inputs.gyro_y, gyros[1]),
@@ -108,6 +110,7 @@ def advanced(
             tuning,
             dt_s,
         ),
+        bend,
     )
     return new, Seen(inputs, motion, references, why_gyro + why_accel)
 
@@ -146,6 +149,7 @@ def _learned(
     tuning: Tuning,
     dt_s: float,
     c: float,
+    neglected: float,
 ) -> tuple[ZeroingState, Reason]:
     """One channel's zeroing: open gate, believable target, not contradicted -> learn; else hold."""
     target = reference - reading
@@ -160,19 +164,21 @@ def _learned(
         reason = Reason.NONE if believed else Reason.DOUBTED
     if reason is not Reason.NONE:
         return zeroing.held(state, law, dt_s), reason
-    return zeroing.zeroed(state, target, standstill, law, tuning.as_printed, tuning.block_s, dt_s, c), Reason.NONE
+    printed = tuning.as_printed
+    return zeroing.zeroed(state, target, standstill, law, printed, tuning.block_s, dt_s, c, neglected), Reason.NONE
 
 
 def _zeroed_gyros(
-    state: EstimatorState, inputs: Inputs, motion: Motion, tuning: Tuning, dt_s: float
+    state: EstimatorState, inputs: Inputs, motion: Motion, agreed: float, tuning: Tuning, dt_s: float
 ) -> tuple[_Three, _Whys]:
-    """(10)-(15): targets -p*, -q*, -r*."""
+    """(10)-(15): targets -p*, -q*, -r*; `agreed` is the yaw rate that the last one neglects."""
     still = motion.standstill
     tilt = gates.roll_pitch_gate(motion.r, still, tuning)
     yaw = gates.yaw_gate(motion.delta, still, tuning)
-    x, why_x = _learned(state.gyro_x, tuning.gyro_x, inputs.gyro_x, 0.0, tilt, still, tuning, dt_s, 1.0)
-    y, why_y = _learned(state.gyro_y, tuning.gyro_y, inputs.gyro_y, 0.0, tilt, still, tuning, dt_s, 1.0)
-    z, why_z = _learned(state.gyro_z, tuning.gyro_z, inputs.gyro_z, 0.0, yaw, still, tuning, dt_s, 1.0)
+    neglected = 0.0 if still or tuning.as_printed else agreed
+    x, why_x = _learned(state.gyro_x, tuning.gyro_x, inputs.gyro_x, 0.0, tilt, still, tuning, dt_s, 1.0, 0.0)
+    y, why_y = _learned(state.gyro_y, tuning.gyro_y, inputs.gyro_y, 0.0, tilt, still, tuning, dt_s, 1.0, 0.0)
+    z, why_z = _learned(state.gyro_z, tuning.gyro_z, inputs.gyro_z, 0.0, yaw, still, tuning, dt_s, 1.0, neglected)
     return (x, y, z), (why_x, why_y, why_z)
 
 
@@ -195,9 +201,15 @@ def _zeroed_accelerometers(
     z_y = gates.lateral_gate(transient, v, valid, motion.delta, motion.r, yaw_std, tuning)
     z_z = gates.vertical_gate(transient, valid, tuning)
     c_y = tuning.c_y
-    x, why_x = _learned(state.accel_x, tuning.accel_x, inputs.accel_x, references[0], z_x, False, tuning, dt_s, 1.0)
-    y, why_y = _learned(state.accel_y, tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y)
-    z, why_z = _learned(state.accel_z, tuning.accel_z, inputs.accel_z, references[2], z_z, False, tuning, dt_s, 1.0)
+    x, why_x = _learned(
+        state.accel_x, tuning.accel_x, inputs.accel_x, references[0], z_x, False, tuning, dt_s, 1.0, 0.0
+    )
+    y, why_y = _learned(
+        state.accel_y, tuning.accel_y, inputs.accel_y, references[1], z_y, False, tuning, dt_s, c_y, 0.0
+    )
+    z, why_z = _learned(
+        state.accel_z, tuning.accel_z, inputs.accel_z, references[2], z_z, False, tuning, dt_s, 1.0, 0.0
+    )
     return (x, y, z), (why_x, why_y, why_z)
 
 

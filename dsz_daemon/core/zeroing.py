@@ -25,8 +25,9 @@ class ZeroingState(NamedTuple):
     """One channel's memory (its unit: rad/s or m/s^2).
 
     `variance` is P without the floor, `driven_s` the time learnt while driving; the block and
-    noise fields hold the scatter that was seen, see `scattered`; the last four (a reading's departure
-    from what was learnt, for how long it was too large, and two variances) are kept by `doubt`.
+    noise fields hold the scatter that was seen, see `scattered`; four (a reading's departure from
+    what was learnt, for how long it was too large, and two variances) are kept by `doubt`. `neglected` is
+    what the targets took as zero though other sensors told it, averaged as the correction is.
     """
 
     correction: float
@@ -41,10 +42,11 @@ class ZeroingState(NamedTuple):
     doubted_s: float = 0.0
     doubt: float = 0.0
     contradiction: float = 0.0
+    neglected: float = 0.0
 
 
-def with_law(state: ZeroingState, correction: float, variance: float) -> ZeroingState:
-    """The state with another correction and variance."""
+def with_law(state: ZeroingState, correction: float, variance: float, neglected: float) -> ZeroingState:
+    """The state with another correction, its variance, and what both neglect."""
     return ZeroingState(
         correction,
         variance,
@@ -58,6 +60,7 @@ def with_law(state: ZeroingState, correction: float, variance: float) -> Zeroing
         state.doubted_s,
         state.doubt,
         state.contradiction,
+        neglected,
     )
 
 
@@ -83,6 +86,7 @@ def _with_scatter(
         state.doubted_s,
         state.doubt,
         state.contradiction,
+        state.neglected,
     )
 
 
@@ -103,6 +107,7 @@ def with_doubt(
         doubted_s,
         doubt,
         contradiction,
+        state.neglected,
     )
 
 
@@ -199,27 +204,37 @@ def zeroed(
     block_s: float,
     dt_s: float,
     c: float = 1.0,
+    neglected: float = 0.0,
 ) -> ZeroingState:
     """One open-gate step of (11), (13), (15), (24), (26), (28) towards `target`.
 
     `c` is the c_y of (26): the law settles at c times the target. `constant_gain` is the printed
-    law with gamma = 1/window, deaf to standstill.
+    law with gamma = 1/window, deaf to standstill. `neglected` is what other sensors tell of the motion that
+    the target takes as zero (the law's unit): the more, the less is learnt from it, and its mean over what
+    was learnt is part of the spread.
     """
     exact = standstill and not constant_gain
     density = tuning.standstill_density if exact else driving_density(state, tuning, dt_s)
+    neglected = max(-tuning.largest_offset, min(tuning.largest_offset, neglected))
+    density += neglected * neglected * tuning.neglect_s
     drift = tuning.drift_density
     if constant_gain:
         step = constant_step(state.variance, density, drift, 1.0 / tuning.window_s, dt_s)
     else:
         step = first_looks(state.variance, density, tuning, dt_s)
-    moved = with_law(state, state.correction + step.share * (c * target - state.correction), step.variance)
+    moved = with_law(
+        state,
+        state.correction + step.share * (c * target - state.correction),
+        step.variance,
+        state.neglected + step.share * (neglected - state.neglected),
+    )
     return moved if exact else scattered(moved, state.variance, c * target, block_s, dt_s)
 
 
 def held(state: ZeroingState, tuning: ZeroingTuning, dt_s: float) -> ZeroingState:
     """One closed-gate step, Z = 0: the correction stays, its uncertainty grows (to the data sheet's)."""
     grown = min(state.variance + tuning.drift_density * dt_s, tuning.prior_std**2)
-    return with_law(state, state.correction, max(state.variance, grown))
+    return with_law(state, state.correction, max(state.variance, grown), state.neglected)
 
 
 def scattered(state: ZeroingState, variance_before: float, target: float, block_s: float, dt_s: float) -> ZeroingState:
@@ -256,5 +271,6 @@ def driving_density(state: ZeroingState, tuning: ZeroingTuning, dt_s: float = 0.
 
 
 def offset_std(state: ZeroingState, tuning: ZeroingTuning) -> float:
-    """Standard deviation of the offset, with what never averages out and what contradicts it."""
-    return math.sqrt(state.variance + state.doubt + state.contradiction + tuning.floor_std**2)
+    """Standard deviation of the offset, with what never averages out, what contradicts it and what it neglects."""
+    told = state.variance + state.doubt + state.contradiction
+    return math.sqrt(told + state.neglected**2 + tuning.floor_std**2)

@@ -43,6 +43,8 @@ def test_the_limit_is_so_many_spreads_of_the_look(sign: float) -> None:
     assert not looks(beyond, 2.0 + sign * LIMIT * 1.001, 0.1, law()).believed
     # Less sure of the offset, more is believed: P = 0.16 has sqrt(1.8).
     assert looks(beyond._replace(variance=0.16), 2.0 + sign * 1.3, 0.1, law()).believed
+    # What was neglected is in the spread as well, as its square: 0.06 + 0.1 the same.
+    assert looks(beyond._replace(neglected=-math.sqrt(0.1)), 2.0 + sign * 1.3, 0.1, law()).believed
 
 
 def test_a_doubted_reading_widens_the_published_spread_to_cover_it() -> None:

@@ -326,6 +326,9 @@ POISON: list[Any] = [
     ("noise_sum", math.nan),
     ("noise_blocks", -0.5),
     ("noise_blocks", 1e9),
+    ("neglected", 31.0 * DEG),
+    ("neglected", -31.0 * DEG),
+    ("neglected", math.nan),
 ]
 
 
