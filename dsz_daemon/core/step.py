@@ -175,7 +175,7 @@ def _zeroed_gyros(
     still = motion.standstill
     tilt = gates.roll_pitch_gate(motion.r, still, tuning)
     yaw = gates.yaw_gate(motion.delta, still, tuning)
-    neglected = 0.0 if still or tuning.as_printed else agreed
+    neglected = 0.0 if tuning.as_printed else agreed
     x, why_x = _learned(state.gyro_x, tuning.gyro_x, inputs.gyro_x, 0.0, tilt, still, tuning, dt_s, 1.0, 0.0)
     y, why_y = _learned(state.gyro_y, tuning.gyro_y, inputs.gyro_y, 0.0, tilt, still, tuning, dt_s, 1.0, 0.0)
     z, why_z = _learned(state.gyro_z, tuning.gyro_z, inputs.gyro_z, 0.0, yaw, still, tuning, dt_s, 1.0, neglected)

@@ -115,8 +115,9 @@ def test_what_a_target_neglects_is_averaged_weighed_and_published() -> None:
     assert state.neglected == pytest.approx(3.0 / 92.0, rel=1e-6)
     assert state.correction == pytest.approx(1.0 / 92.0, rel=1e-6)
     assert zeroing.held(state, tuning, 1.0).neglected == state.neglected
-    absurd = zeroing.zeroed(state, 0.0, False, tuning, False, 5.0, 1e9, 1.0, -1e6)
-    assert absurd.neglected == pytest.approx(-50.0, rel=1e-3)
+    for sign in (1.0, -1.0):
+        absurd = zeroing.zeroed(state, 0.0, False, tuning, False, 5.0, 1e9, 1.0, sign * 1e6)
+        assert absurd.neglected == pytest.approx(sign * 50.0, rel=1e-3)
 
 
 def test_a_long_curve_is_not_learnt_as_an_offset() -> None:

@@ -18,7 +18,12 @@ from dsz_daemon.diagnose.selection import swaps as swaps_module
 from dsz_daemon.diagnose.selection import tilts
 from dsz_daemon.diagnose.selection.plausible import is_implausible, weighs_nothing
 from dsz_daemon.diagnose.selection.swaps import in_its_place
-from dsz_daemon.diagnose.selection.tilts import goes_to_and_fro, pulls_nothing, tips_only_what_stands_on_it
+from dsz_daemon.diagnose.selection.tilts import (
+    goes_to_and_fro,
+    pulls_nothing,
+    shows_the_drive,
+    tips_only_what_stands_on_it,
+)
 from dsz_daemon.diagnose.selection.trials import ODD_LOAD, Step, rank_by
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
@@ -135,11 +140,36 @@ def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray
 @pytest.mark.parametrize("goes", [False, True])
 def test_a_climb_that_lifts_no_car_is_a_road_as_it_comes_and_goes(monkeypatch: pytest.MonkeyPatch, goes: bool) -> None:
     """A bank that turns none never is."""
-    monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.goes_to_and_fro", lambda *_: goes)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", lambda *_: goes)
     for road in AHEAD:
         one = tilted(road, 0.0)
         is_none = is_implausible(one, rows_of(one), its_road(one, road), road)
         assert is_none is (road == "road_bank" or not goes)
+
+
+@pytest.mark.parametrize(
+    ("share", "noise", "is_shown"),
+    [(1.0, 0.1, True), (0.7, 0.1, True), (0.7, 8.0, False), (0.4, 0.1, False), (0.0, 0.1, False), (-1.0, 0.1, False)],
+)
+def test_a_body_that_is_pitched_against_its_way_shows_what_speeds_it_up(
+    monkeypatch: pytest.MonkeyPatch, share: float, noise: float, is_shown: bool
+) -> None:
+    """a_z = g cos(theta) - theta v' of an IMU that is nose up on a level road: a climb turns v' with it."""
+    one = tilted("road_grade", 0.0)
+    fit, rows = its_road(one, "road_grade"), rows_of(one)
+    # The car of these tests speeds up and slows by a sine; its mean tilt is the offset's.
+    felt = -(TILT_RAD - np.mean(TILT_RAD)) * np.convolve(np.gradient(CITY_V, T), filter_kernel(), mode="same")
+    left = fit.left.copy()
+    size = float(np.std(felt))
+    left[:, 5] = (share * felt + noise * size * np.random.default_rng(7).normal(size=N))[rows.at]
+    fit = fit._replace(left=left)
+    assert shows_the_drive(one, rows, fit) is is_shown
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", lambda *_: True)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.tips_only_what_stands_on_it", lambda *_: True)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.pulls_nothing", lambda *_: False)
+    assert is_implausible(one, rows, fit, "road_grade") is is_shown
+    one.measured[:, 5] = np.nan
+    assert not shows_the_drive(one, rows_of(one), fit)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made, signal
 
 from dsz_daemon.diagnose import diagnose
 from dsz_daemon.diagnose.faults.single_readings import (
+    IN_BETWEEN,
     STEPS,
     coarse_readings,
     coarse_steering,
@@ -284,3 +285,50 @@ def test_a_scale_of_an_accelerometer_beside_wheel_speeds_in_coarse_steps_has_no_
     said = answered(weak, beside=[steps])
     assert said.causes == []
     assert said.unlisted[0] == steps
+
+
+def interjected(value: float, share: float, run: int = 1, seed: int = 11) -> tuple[np.ndarray, np.ndarray]:
+    """A second sender's value in runs of so many readings, so many of all; and which readings are its."""
+    starts = np.sort(
+        np.random.default_rng(seed).choice(np.arange(10, N - 40, run + 3), int(share * N / run), replace=False)
+    )
+    there = np.concatenate([start + np.arange(run) for start in starts])
+    values = NOISY.copy()
+    values[there] = value
+    return values, there
+
+
+@pytest.mark.parametrize(("role", "unit"), [("gyro_z", "rad/s"), ("accel_x", "m/s^2"), ("wheel_speed_fl", "m/s")])
+@pytest.mark.parametrize(("value", "share", "run"), [(0.0, 0.2, 1), (3.0, 0.1, 4), (-2.5, 0.01, 1)])
+def test_a_value_that_comes_in_between_is_anothers(role: str, unit: str, value: float, share: float, run: int) -> None:
+    values, there = interjected(value, share, run)
+    found = told_by_readings({role: signal(values)})
+    [shape] = found.shapes
+    assert (shape.channel, shape.shape, shape.coefficient.unit) == (role, IN_BETWEEN, unit)
+    assert shape.coefficient.value == value
+    left = np.setdiff1d(STAMPS, found.signals[role].t_ns)
+    if role.startswith("wheel"):
+        # Where the others come near it, nothing tells whose it is: a wheel may stand.
+        assert set(left) <= set(STAMPS[there])
+        assert len(left) > 0.5 * len(there)
+    else:
+        assert left.tolist() == STAMPS[there].tolist()
+
+
+def test_what_stands_still_or_is_seldom_is_nobody_elses() -> None:
+    for values in (
+        np.where(COURSE > 1.0, 1.0, NOISY),  # a limit: it comes near it
+        np.where((TIME_S % 10.0) < 2.0, 0.7, NOISY),  # frozen for two seconds, and never back where it was
+        interjected(3.0, 15 / N)[0],
+        np.round(NOISY / 0.3) * 0.3,  # coarse steps
+        np.where(interjected(9.0, 0.1)[0] == 9.0, RNG.choice([2.5, 3.0, 3.5, 4.0], N), NOISY),  # of no one value
+    ):
+        assert [
+            one.shape for one in told_by_readings({"gyro_z": signal(values)}).shapes if one.shape == IN_BETWEEN
+        ] == []
+
+
+def test_what_is_the_rest_is_no_other() -> None:
+    """Two of three: nobody knows which of the two is the sensor."""
+    values = np.where(np.arange(N) % 3 == 0, NOISY, 3.0)
+    assert [one for one in told_by_readings({"gyro_z": signal(values)}).shapes if one.shape == IN_BETWEEN] == []

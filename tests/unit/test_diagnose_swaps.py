@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.swaps import a_load_instead, in_its_place, one_for_two
-from dsz_daemon.diagnose.selection.trials import Step, Trial, two_instead
+from dsz_daemon.diagnose.selection.trials import ODD_LEAKS, Step, Trial, two_instead
 from dsz_daemon.diagnose.shapes.unlisted import as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.verdict.answer import answered
@@ -67,6 +68,22 @@ def test_of_several_the_one_that_gains_the_most_is_first(monkeypatch: pytest.Mon
     gains = [step.gain for step in found]
     assert len(gains) == 3
     assert gains == sorted(gains, reverse=True)
+
+
+@pytest.mark.parametrize(("yx", "odds"), [(-0.07, ODD_LEAKS), (0.07, 0.0)])
+def test_leaks_that_are_one_turn_have_odds_against_them(
+    monkeypatch: pytest.MonkeyPatch, yx: float, odds: float
+) -> None:
+    """They have a parameter more, for what a mount that is turned does with one."""
+    leaks = [INDEX["accel_cross_axis.xy"], INDEX["accel_cross_axis.yx"]]
+    x = nothing()
+    x[leaks] = 0.07, yx
+    turn: Any = SimpleNamespace(x=nothing(), std=np.full(2, 0.01), columns=(0, 1), per_row=np.ones(13))
+    leaking: Any = SimpleNamespace(x=x, std=np.full(2, 0.01), columns=tuple(leaks), per_row=np.ones(13))
+    monkeypatch.setattr(swaps_module, "gained", lambda *_: 50.0)
+    nobody: Any = None
+    assert swaps_module._more(nobody, nobody, turn, leaking) == pytest.approx(-odds)
+    assert swaps_module._more(nobody, nobody, leaking, turn) == pytest.approx(odds)
 
 
 def test_what_came_far_behind_a_road_or_a_limit_of_grip_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,6 +33,10 @@ _OF_INPUTS = {
     "road_wheel_angle": (math.radians(2.0), "rad"),
 }
 _SOME, _NO_SPIKES = 5, 0.05
+# A value that comes in between again and again, to the last digit, in runs of no more than so many readings: a second
+# sender's, or what a gateway puts for one that is late. So many, no other value as often but for this share of that,
+# and no more than so much of all, for then it is the rest.
+_RUN, _TIMES, _ANOTHER, _OFTEN = 25, 20, 0.2, 0.6
 # Every other reading is another sensor's by so many spreads, and by so much of all that readings differ by.
 _SURELY, _MOST = 50.0, 0.3
 EVERY_OTHER = "in every other reading"
@@ -53,6 +57,7 @@ _BY_THE_WHEELS = frozenset(
         *("steering_compliance", "cornering_stiffness", "mass_loading"),
     }
 )
+IN_BETWEEN = "k in between"
 OWN = dict(zip(IMU_CHANNELS, ("p", "q", "r", "ax", "ay", "az"), strict=True))
 
 
@@ -74,7 +79,10 @@ def readings_of_imu(signals: Mapping[str, Signal]) -> Iterator[tuple[str, Signal
 def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
     """Spikes are left out, two sensors in turn are their mean; what is said of each has its share of the readings."""
     found = Readings(dict(signals), [])
-    for name, signal in readings_of_imu(signals):
+    for name in (*IMU_CHANNELS, *_OF_INPUTS):
+        if name in signals and len(between := _in_between(name, signals[name].values)):
+            _take_out(found, name, between)
+    for name, signal in readings_of_imu(found.signals):
         unit = "rad/s" if name.startswith("gyro") else "m/s^2"
         if others := _every_other(name, signal, unit):
             # In pairs, so that what is white in them stays so.
@@ -94,6 +102,42 @@ def told_by_readings(signals: Mapping[str, Signal]) -> Readings:
             if _SOME <= len(spikes) < _NO_SPIKES * len(values):
                 _leave_out(found, name, spikes, unit)
     return found
+
+
+def _take_out(found: Readings, name: str, between: Ints) -> None:
+    signal = found.signals[name]
+    unit = _OF_INPUTS[name][1] if name in _OF_INPUTS else "rad/s" if name.startswith("gyro") else "m/s^2"
+    told = Coefficient(float(signal.values[between[0]]), white_std(np.delete(signal.values, between)), unit)
+    found.shapes.append(Shape(name, IN_BETWEEN, told, len(between) / len(signal.values)))
+    found.signals[name] = Signal(np.delete(signal.t_ns, between), np.delete(signal.values, between))
+
+
+def _in_between(name: str, values: Floats) -> Ints:
+    """Which readings are the same value, to the last digit, far from those before and after, which agree.
+
+    Of an IMU also those where the others come near it: of what is noisy hardly any other is the same to the last digit.
+    """
+    if len(values) < _FEWEST or not np.isfinite(values).all():
+        return np.zeros(0, dtype=np.int64)
+    starts = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    ends = np.append(starts[1:], len(values))
+    inner = (starts > 0) & (ends < len(values)) & (ends - starts <= _RUN)
+    starts, ends = starts[inner], ends[inner]
+    before, value, after = values[starts - 1], values[starts], values[ends]
+    away = np.abs(value - 0.5 * (before + after))
+    steps = np.diff(np.unique(values))
+    least = _OF_INPUTS[name][0] if name in _OF_INPUTS else _FAR * float(steps.min(initial=np.inf))
+    is_away = (np.abs(after - before) < _NEIGHBOURS * away) & (away > least)
+    each, times = np.unique(value[is_away], return_counts=True)
+    if not len(each) or (len(each) > 1 and np.sort(times)[-2] > _ANOTHER * times.max()):
+        return np.zeros(0, dtype=np.int64)
+    same = value == each[np.argmax(times)]
+    mine = same & is_away if name in _OF_INPUTS else same
+    there = np.concatenate([np.arange(start, end) for start, end in zip(starts[mine], ends[mine], strict=True)])
+    far = is_away & same & (away > _FAR * white_std(np.delete(values, there)))
+    if len(there) > _OFTEN * len(values) or np.count_nonzero(far) < _TIMES:
+        return np.zeros(0, dtype=np.int64)
+    return there
 
 
 def _leave_out(found: Readings, name: str, spikes: Ints, unit: str) -> None:

@@ -20,7 +20,7 @@ from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import (
     follows_the_drive,
-    goes_to_and_fro,
+    is_a_tilt_alone,
     pulls_nothing,
     tips_at_once,
     tips_only_what_stands_on_it,
@@ -113,7 +113,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
             return True
         if follows_the_drive(drive, fit, effect) or tips_standing(drive, fit, effect):
             return True
-        may_lift_nothing = effect == "road_grade" and goes_to_and_fro(drive, fit)
+        may_lift_nothing = effect == "road_grade" and is_a_tilt_alone(drive, rows, fit)
         if not may_lift_nothing and tips_only_what_stands_on_it(drive, rows, fit, effect):
             return True
     if effect == "bias_drift" and _wanders(drive, rows, fit):

@@ -14,8 +14,14 @@ from dsz_daemon.diagnose.fitting.mounts import MOUNT
 from dsz_daemon.diagnose.fitting.without import without
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
-from dsz_daemon.diagnose.selection.plausible import is_implausible, is_told, odds_against_less, weighs_nothing
-from dsz_daemon.diagnose.selection.trials import ODD_LOAD, Step
+from dsz_daemon.diagnose.selection.plausible import (
+    are_one_turn,
+    is_implausible,
+    is_told,
+    odds_against_less,
+    weighs_nothing,
+)
+from dsz_daemon.diagnose.selection.trials import ODD_LEAKS, ODD_LOAD, Step
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.simulation.loads import LOAD
 
@@ -79,10 +85,14 @@ def in_its_place(
 
 
 def _more(drive: Drive, nominal: Fit, before: Fit, after: Fit) -> float:
-    """As rivals: what is left hangs together more or less, so the same rows count. An empty load is odd, and a lack."""
+    """As rivals: what is left hangs together more or less, so the same rows count.
+
+    An empty load is odd, a lack, and leaks that are one turn.
+    """
     same = np.exp(np.mean(np.log([before.per_row, after.per_row]), axis=0))
     odd = ODD_LOAD * (weighs_nothing(after) - weighs_nothing(before))
     odd += odds_against_less(after) - odds_against_less(before)
+    odd += ODD_LEAKS * (are_one_turn(after) - are_one_turn(before))
     return gained(drive, nominal, after, same) - gained(drive, nominal, before, same) - odd
 
 

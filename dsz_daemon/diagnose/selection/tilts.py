@@ -22,7 +22,13 @@ from dsz_daemon.diagnose.simulation.road import on_road
 from dsz_daemon.diagnose.surroundings.winds import folds_of, told_by
 
 # By what a road moves the car itself: a_z, and the yaw rate; and where its gravity is.
-_MOVED, _PITCH_RATE, _YAW_RATE, _PULLED = {"road_grade": 5, "road_bank": 2}, 1, 2, {"road_grade": 3, "road_bank": 4}
+_LIFTED = 5
+_MOVED, _PITCH_RATE, _YAW_RATE, _PULLED = (
+    {"road_grade": _LIFTED, "road_bank": 2},
+    1,
+    2,
+    {"road_grade": 3, "road_bank": 4},
+)
 # A tilt by itself: so much of its power is no course of what the car does, now or some seconds before, on a fifth of
 # the way that the course has not seen; and so often it goes from far on one side, in parts of its rms, to far on the
 # other. What follows a car had 0.02 at most, of three roads one 0.58, of which 0.85 was told where all of it was seen.
@@ -83,6 +89,32 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
     lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
     std = math.sqrt(float(np.sum((weights * of_road * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / power
     return (abs(1.0 + beyond) + _SURELY * std) * power / (power - noise) < _HALF
+
+
+def is_a_tilt_alone(drive: Drive, rows: Rows, fit: Fit) -> bool:
+    """Whether a climb that lifts no car may be a road all the same: one that is drawn as a tilt alone."""
+    return goes_to_and_fro(drive, fit) and not shows_the_drive(drive, rows, fit)
+
+
+def shows_the_drive(drive: Drive, rows: Rows, fit: Fit) -> bool:
+    """Whether a_z has the share of the car's own acceleration that a pitched body has, and one on a climb has not.
+
+    On a road the car speeds up along what it stands on. An IMU in a body that is pitched against its way by theta feels
+    -theta v' in a_z: by least squares surely more than half of that.
+    """
+    used = rows.used[:, _LIFTED]
+    if not used.any():
+        return False
+    tilt_rad = _tilt_rad(fit, "road_grade")
+    pull_mps2 = filtered(np.gradient(np.mean(drive.wheels, axis=1), DT_S), filter_kernel())
+    pitched_mps2 = ((np.mean(tilt_rad) - tilt_rad) * pull_mps2)[rows.at[used]]
+    left = fit.left[used, _LIFTED]
+    power = float(np.sum(pitched_mps2**2))
+    share = float(np.sum(pitched_mps2 * left)) / max(power, 1e-30)
+    rest = left - share * pitched_mps2
+    lasts = float(np.clip(np.sum(rest[1:] * rest[:-1]) / max(float(np.sum(rest**2)), 1e-30), 0.0, _MOST))
+    std = math.sqrt(float(np.sum((pitched_mps2 * rest) ** 2)) * (1.0 + lasts) / (1.0 - lasts)) / max(power, 1e-30)
+    return share - _SURELY * std > _HALF
 
 
 def tips_at_once(drive: Drive, fit: Fit, effect: str) -> bool:

@@ -74,7 +74,7 @@ _DENIED = -0.2
 # A load that weighs nothing is a thousand times less likely to begin with, in log likelihood.
 ODD_LOAD = 7.0
 # As are two leaks that happen to be as large as each other, the other way.
-_ODD_LEAKS = 7.0
+ODD_LEAKS = 7.0
 # By so much more a load is one, of what stiffness and compliance gain: beside nine of these that were planted a load
 # gained 0.2 to 86 less; of five loads that were, three gained 17 to 42 more (0.012 to 0.09).
 _MORE_THAN_TYRES = 0.01
@@ -247,7 +247,7 @@ def rank_by(drive: Drive, best: Fit, tried: Sequence[Step]) -> Callable[[Step], 
         alike = gained(drive, best, step.fit, same) if step.gain > least else step.gain
         if step.effect == LOAD:
             alike -= ODD_LOAD * weighs_nothing(step.fit) + odds_against_less(step.fit)
-        alike -= _ODD_LEAKS * (step.effect == "accel_cross_axis" and are_one_turn(step.fit))
+        alike -= ODD_LEAKS * (step.effect == "accel_cross_axis" and are_one_turn(step.fit))
         if step.effect in _UNNAMED:
             alike = 0.0 if step.effect == _ALL_WHEELS and step.gain < most else alike - LEAST_GAIN
         return alike * (0.8 if step.effect in OWN_CHANNEL else 1.0 / SURELY if step.effect in _SPECIAL else 1.0)
