@@ -428,6 +428,22 @@ def test_wheels_that_drive_no_simulation_are_a_doubt_of_wheels_alone(
     assert level.doubt_of(search, "wheel_radius", [wheel]) == pytest.approx(60.0)
 
 
+@pytest.mark.parametrize(("yaw", "expected"), [(1.4, 4.0), (1.6, 60.0), (None, 60.0)])
+def test_what_a_wind_leaves_across_is_no_doubt_of_it_where_the_yaw_rate_is_right(
+    monkeypatch: pytest.MonkeyPatch, yaw: float | None, expected: float
+) -> None:
+    """It is what is quicker than its course is drawn; of all else, and where the car yaws otherwise, it is a doubt."""
+    scatter, counts = np.full((4, 13), 0.05), np.full((4, 13), 50.0)
+    scatter[:, 4], scatter[:, 3] = 3.0, 0.2
+    monkeypatch.setattr(level, "noises", lambda _: np.full(13, 0.03))
+    monkeypatch.setattr(level, "climbs_unfelt", lambda _: False)
+    monkeypatch.setattr(level, "level_of", lambda _: {} if yaw is None else {"gyro_z": yaw})
+    fit = SimpleNamespace(sums=SimpleNamespace(counts=counts), scatter=scatter, form=np.full(13, 0.04))
+    search: Any = SimpleNamespace(best=fit, drive=SimpleNamespace(front_gives_speed=False, vocabulary=BUILT_IN))
+    assert level.doubt_of(search, "side_wind", ["accel_y", "accel_x"]) == pytest.approx(expected)
+    assert level.doubt_of(search, "imu_delay", ["accel_y", "accel_x"]) == pytest.approx(60.0)
+
+
 @pytest.mark.parametrize("channel", ["gyro_x", "gyro_y", "accel_z"])
 def test_how_a_body_shakes_is_no_doubt_of_wheels(monkeypatch: pytest.MonkeyPatch, channel: str) -> None:
     """A phone in its holder rolls, pitches and heaves; what it yaws by, and how it is pushed, is of wheels, too."""
@@ -485,6 +501,28 @@ def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeyp
     assert level.unexplained_of(search, levels) == ["accel_z", "wheel_speed_fl"]
     monkeypatch.setattr(level, "is_its_own", lambda *_: False)
     assert level.unexplained_of(search, levels) == ["accel_y", "accel_z", "wheel_speed_fl"]
+
+
+@pytest.mark.parametrize(("std", "is_named"), [(1.9, True), (2.3, False), (None, True)])
+def test_a_stretch_of_less_grip_of_which_nobody_knows_how_much_is_none(
+    monkeypatch: pytest.MonkeyPatch, std: float | None, is_named: bool
+) -> None:
+    """mu = s^-1/2: its spread is half of that of s, over s, times mu; 1.0 of itself at twice s."""
+    monkeypatch.setattr(causes, "values_told", lambda *_, **__: {"inverse_square": (1.1, std and 1.1 * std)})
+    monkeypatch.setattr(causes, "spread_of", lambda *_: 0.1)
+    monkeypatch.setattr(causes, "on_the_clock", lambda _, values: values)
+    monkeypatch.setattr(causes, "alternatives", lambda *_: ([], []))
+    monkeypatch.setattr(causes, "_to_drive_next", lambda *_: None)
+    described = BUILT_IN.described("low_friction")._replace(words="")
+    x = nothing()
+    x[INDEX["low_friction.inverse_square"]] = 1.2
+    search: Any = SimpleNamespace(
+        drive=SimpleNamespace(vocabulary=SimpleNamespace(described=lambda _: described)),
+        best=SimpleNamespace(effects=(), x=x),
+        gains={"low_friction": 66.0},
+        elsewhere={"low_friction": {}},
+    )
+    assert (causes.cause_of(search, "low_friction") is not None) is is_named
 
 
 @pytest.mark.parametrize(("std", "is_named"), [(0.3, True), (0.7, False)])

@@ -186,6 +186,24 @@ def test_how_wheels_are_drawn_is_told_beside_what_was_left_out(small: float) -> 
     assert search.best.x[list(WHEELS)].tolist() == [small, 0.0, 0.0]
 
 
+RADII = {"wheel_radius.rl": -0.025, "wheel_radius.rr": -0.02}
+
+
+def test_wheels_that_read_more_all_the_way_are_drawn_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rear radii 2 % too large look at first as if the front wheels were never turned."""
+    one = drive(RADII, SLOW_V, SHARP_STEER)
+    search = found(one)
+    assert search.nominal.x[list(WHEELS)].tolist() == [0.0, 1.0, 0.0]
+    assert search.best.effects == ("wheel_radius",)
+    assert search.best.x[list(WHEELS)].tolist()[:2] == [0.0, 0.0]
+    for name, value in RADII.items():
+        assert search.best.x[INDEX[name]] == pytest.approx(value, abs=0.0005)
+    assert search.best.x[INDEX["wheel_radius.fl"]] == pytest.approx(0.0, abs=0.0005)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.drawn.far_off", lambda *_: np.zeros(13, dtype=bool))
+    kept = found(one).best
+    assert kept.x[list(WHEELS)].tolist()[:2] != [0.0, 0.0] or "wheel_radius" not in kept.effects
+
+
 @pytest.mark.parametrize(("most_rad", "free"), [(0.075, 0), (0.085, 2), (0.145, 2), (0.155, 3)])
 def test_front_wheels_are_asked_of_where_they_are_turned(most_rad: float, free: int) -> None:
     x = untold(nothing(), most_rad * np.sin(T))

@@ -13,10 +13,10 @@ from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import rows_of
-from dsz_daemon.diagnose.selection import plausible
+from dsz_daemon.diagnose.selection import plausible, tilts
 from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_implausible
-from dsz_daemon.diagnose.selection.tilts import follows_the_drive, tips_at_once, tips_standing
+from dsz_daemon.diagnose.selection.tilts import follows_the_drive, tips_at_once, tips_once, tips_standing
 from dsz_daemon.diagnose.shapes import unlisted
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.motion import AY
@@ -118,15 +118,40 @@ def test_what_tips_while_a_car_stands_is_a_body_that_rocks(tilt_rad: np.ndarray,
     assert tips_standing(one, over(tilt_rad, road), road) is rocks
 
 
-@pytest.mark.parametrize("rule", ["tips_at_once", "follows_the_drive", "tips_standing"])
+FAR_M = np.cumsum(CITY_V) * DT_S
+
+
+def over_way(length_m: float) -> np.ndarray:
+    """A tilt of 0.02 rad that comes within so many metres, half way, and stays."""
+    return 0.02 * np.clip((FAR_M - 0.5 * FAR_M[-1]) / length_m + 0.5, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("road", sorted(AHEAD))
+@pytest.mark.parametrize(
+    ("tilt_rad", "once"),
+    [
+        (over_way(3.0), True),
+        (-over_way(3.0) + 0.001 * np.sin(3.0 * T), True),
+        (over_way(3.0) + 0.005 * np.sin(3.0 * T), False),  # rest of the road: 0.11 of the power of all
+        (over_way(60.0), False),  # a road that begins to lean
+        (over_way(3.0) - np.roll(over_way(3.0), 1500), False),  # there and back
+        (np.zeros(N), False),
+    ],
+)
+def test_what_tips_once_and_stays_is_who_got_in(tilt_rad: np.ndarray, once: bool, road: str) -> None:
+    assert tips_once(drive({}, CITY_V, CITY_STEER), over(tilt_rad, road), road) is once
+
+
+@pytest.mark.parametrize("rule", ["tips_at_once", "tips_once", "follows_the_drive", "tips_standing"])
 def test_such_a_tilt_is_implausible(monkeypatch: pytest.MonkeyPatch, rule: str) -> None:
     one = drive({}, CITY_V, CITY_STEER)
     for name in ("_is_denied_by_its_gyro", "_bounces", "pulls_nothing", "tips_only_what_stands_on_it"):
         monkeypatch.setattr(plausible, name, lambda *_: False)
+    monkeypatch.setattr(tilts, "shows_the_drive", lambda *_: False)
     for road in AHEAD:
         fit = over(0.02 * np.sin(0.77 * T), road)
         for there in (False, True):
-            monkeypatch.setattr(plausible, rule, lambda *_, there=there: there)
+            monkeypatch.setattr(tilts, rule, lambda *_, there=there: there)
             assert is_implausible(one, rows_of(one), fit, road) is there
 
 

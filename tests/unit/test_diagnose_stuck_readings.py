@@ -46,6 +46,23 @@ def test_an_output_that_freezes_is_said_and_what_it_repeats_left_out() -> None:
     assert found.signals["accel_y"].values is READINGS
 
 
+def test_one_that_froze_as_far_as_it_ever_was_is_no_limit() -> None:
+    """Among others it is a freeze as they are; a limit is reached time and again, and one alone may be one."""
+    values = freezing(READINGS)
+    at = int(np.argmax(values[1500:1900])) + 1500
+    values[at] = np.max(READINGS) + 0.01
+    values[at : at + 40] = values[at]
+    kept = told_by_standing({"gyro_z": signal(values)}).signals["gyro_z"]
+    assert np.count_nonzero(kept.values == np.max(values)) == 1
+    again = values.copy()
+    again[at + 60 : at + 62] = values[at]
+    kept = told_by_standing({"gyro_z": signal(again)}).signals["gyro_z"]
+    assert np.count_nonzero(kept.values == np.max(values)) == 42
+    alone = READINGS.copy()
+    alone[at : at + 40] = values[at]
+    assert told_by_standing({"gyro_z": signal(alone)}).shapes == []
+
+
 def clipped() -> np.ndarray:
     return np.clip(READINGS, -0.12, 0.12)
 

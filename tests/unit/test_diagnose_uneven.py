@@ -148,6 +148,10 @@ RATIO, BY_SPEED = "steering_ratio", "steering: k*vx*delta"
         (("gyro_scale", "accel_scale", "gyro_z: k*r where |r| < 0.03"), {"gyro_scale"}),
         (("gyro_scale", "accel_scale", "accel_y: k*sat(ay/0.3)"), {"accel_scale"}),
         (("gyro_scale", "accel_scale", "accel_y: k*(play(ay, 0.3)-ay)"), set()),
+        (("imu_misalignment", "accel_scale", "accel_y: k*(t > 45.0 s)"), {"imu_misalignment"}),
+        (("imu_misalignment", "accel_scale", "accel_x: k*(t > 45.0 s)"), {"imu_misalignment"}),
+        (("imu_misalignment", "accel_scale", "accel_y: k*(18.0 s < t < 33.0 s)"), set()),
+        (("imu_misalignment", "accel_scale", "gyro_z: k*(t > 45.0 s)"), set()),
     ],
 )
 @pytest.mark.parametrize("is_told", [True, False])
@@ -163,7 +167,7 @@ def test_beside_what_has_no_name_nothing_is_named_that_it_explains(
     drive_of_none: Any = SimpleNamespace()
     assert not_named(drive_of_none, fit, effects) & set(effects) == silent
     # What a car does and gains too little to be said is no ground; what a sensor does is said always.
-    by_sensors = any(effect.startswith(("gyro_z: ", "accel_y: ")) for effect in effects)
+    by_sensors = any(effect.startswith(("gyro_z: ", "accel_x: ", "accel_y: ")) for effect in effects)
     unsaid = silent if by_sensors else silent & {"locked_axle"}
     assert not_named(drive_of_none, fit, ()) & set(effects) == unsaid
 

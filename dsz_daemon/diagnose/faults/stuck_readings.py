@@ -93,9 +93,12 @@ def _frozen(name: str, signal: Signal) -> tuple[Shape, Bools] | None:
     period_s = max(float(np.median(np.diff(signal.t_ns))) * 1e-9, 1e-4)
     at = values[stretches.begin]
     is_end = (at == np.min(values)) | (at == np.max(values))
-    long = (times >= max(_SHORT, by_chance, _SHORTEST_S / period_s)) & ~is_end
+    stood = times >= max(_SHORT, by_chance, _SHORTEST_S / period_s)
+    long = stood & ~is_end
     if not long.any() or len(np.unique(at[long])) < _APART * np.count_nonzero(long):
         return None
+    # Where others do, one that froze as far as it ever was is no limit: there a sensor is time and again.
+    long |= stood & np.isin(at, [end for end in (np.min(values), np.max(values)) if np.count_nonzero(at == end) == 1])
     for begin, end in zip(stretches.begin[long], stretches.end[long], strict=True):
         stands[begin + 1 : end + 1] = True
     long_s = times[long] * period_s

@@ -19,12 +19,10 @@ from dsz_daemon.diagnose.fitting.spreads import may_be_a_curve, spread_of
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import BLOCK_S, SLOW_MPS, Ints, Rows
 from dsz_daemon.diagnose.selection.tilts import (
-    follows_the_drive,
     is_a_tilt_alone,
+    is_the_bodys,
     pulls_nothing,
-    tips_at_once,
     tips_only_what_stands_on_it,
-    tips_standing,
 )
 from dsz_daemon.diagnose.simulation import motion
 from dsz_daemon.diagnose.simulation.drive import Drive, Floats
@@ -109,9 +107,7 @@ def is_implausible(drive: Drive, rows: Rows, fit: Fit, effect: str) -> bool:
     if effect in TILTS:
         gyro = YAW_GYRO if effect == "road_bank" and is_unfelt(drive) else OWN_CHANNEL[effect]
         is_no_road = _is_denied_by_its_gyro(drive, rows, fit, gyro) or _bounces(fit, effect)
-        if is_no_road or pulls_nothing(drive, rows, fit, effect) or tips_at_once(drive, fit, effect):
-            return True
-        if follows_the_drive(drive, fit, effect) or tips_standing(drive, fit, effect):
+        if is_no_road or pulls_nothing(drive, rows, fit, effect) or is_the_bodys(drive, fit, effect):
             return True
         may_lift_nothing = effect == "road_grade" and is_a_tilt_alone(drive, rows, fit)
         if not may_lift_nothing and tips_only_what_stands_on_it(drive, rows, fit, effect):

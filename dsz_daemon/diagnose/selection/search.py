@@ -17,13 +17,13 @@ import numpy as np
 from dsz_daemon.diagnose.effects.nuisances import TOLERATED
 from dsz_daemon.diagnose.effects.shape_names import is_shape
 from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
-from dsz_daemon.diagnose.fitting.drawings import as_drawn, untold
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
 from dsz_daemon.diagnose.fitting.model import Fit
 from dsz_daemon.diagnose.fitting.moments import in_the_middle
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
+from dsz_daemon.diagnose.selection.drawn import WELL, drawn, refitted
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.smaller import (
@@ -53,9 +53,8 @@ from dsz_daemon.diagnose.selection.two_roads import both_roads
 from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes
 from dsz_daemon.diagnose.shapes.uneven_scales import is_of_two
 from dsz_daemon.diagnose.shapes.unlisted import BY_CHANCE, Found
-from dsz_daemon.diagnose.simulation.drive import Drive, Floats, nothing
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.prediction import predicted
-from dsz_daemon.diagnose.simulation.pulls import by_force
 
 Progress = Callable[[str], None]
 # Its effects, and those that are refused beside them.
@@ -69,7 +68,6 @@ _SURELY_UNEVEN = 1.2
 # An effect that had to go may come back; not for ever, nor so often to the same model.
 _MOST_STEPS, _MOST_TIMES = 12, 3
 # So little may a step still take off what is left of a model that others are compared with.
-_WELL = 2e-5
 # The yaw rate.
 _JUDGES_WIND = 2
 
@@ -101,14 +99,14 @@ def searched(
     """The named causes of one drive, of the rows that are compared; `each` is a `map` that works side by side."""
     say = progress or (lambda _: None)
     say("refitting offsets and what has a tolerance")
-    nominal = _refitted(drive, rows, tolerance, each)
+    nominal = refitted(drive, rows, tolerance, each)
     best, rivals, gains = nominal, dict[str, tuple[Step, ...]](), dict[str, float]()
     elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
     refused, waits, known, been = set[str](), frozenset[str](), None, Counter[_Model]()
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS or _is_again(been, best, refused):
             break
-        best = _drawn(drive, rows, best, tolerance, each)
+        best = drawn(drive, rows, best, tolerance, each)
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
         screening = screened(drive, rows, best, tolerance, each, known)
         trial = Trial(drive, rows, best, tolerance, screening.known)
@@ -151,7 +149,7 @@ def searched(
             break
         before, gained_before, now = best, dict(gains), tried[0].fit
         if not now.road.bank_rad.any() and not now.road.grade_rad.any():
-            now = fitted(drive, rows, now.x, now.effects, tolerance, _WELL, each)
+            now = fitted(drive, rows, now.x, now.effects, tolerance, WELL, each)
         grown = Grown(drive, rows, tolerance, before, now, each)
         if (settled := grown.settled()) is not None:
             best = _without_its_twin(drive, best, settled, gains, rivals, elsewhere)
@@ -323,28 +321,6 @@ def _with_wind_anew(trial: Trial, each: Each) -> Fit | None:
     best = trial.best
     anew = fitted(trial.drive, trial.rows, best.x, best.effects, trial.tolerance, each=each, felt=felt)
     return None if is_implausible(trial.drive, trial.rows, anew, "side_wind") else anew
-
-
-def _refitted(drive: Drive, rows: Rows, tolerance: Mapping[str, float], each: Each) -> Fit:
-    """The nominal simulation's own numbers; of a car that pulls aside by much, by what it does so, too."""
-    level = nothing(drive.vocabulary)
-    start = untold(level, drive.steer)
-    if not np.array_equal(start, level):
-        # Roughly first: how wheels are drawn is told by far, or not yet.
-        roughly = fitted(drive, rows, start, (), tolerance, each=each)
-        drawn = as_drawn(roughly.x, roughly.std, roughly.columns)
-        start = roughly.x if drawn is None else drawn
-    nominal = fitted(drive, rows, start, (), tolerance, _WELL, each)
-    pulled = by_force(nominal.x, nominal.std, nominal.columns)
-    return nominal if pulled is None else fitted(drive, rows, pulled, (), tolerance, _WELL, each)
-
-
-def _drawn(drive: Drive, rows: Rows, fit: Fit, tolerance: Mapping[str, float], each: Each) -> Fit:
-    """The model with front wheels that roll one way or another, as soon as that is told."""
-    drawn = as_drawn(fit.x, fit.std, fit.columns)
-    if drawn is None:
-        return fit
-    return fitted(drive, rows, drawn, fit.effects, tolerance, _WELL, each, felt=fit.felt)
 
 
 def _nameless(

@@ -51,6 +51,8 @@ _AT_ONCE_S, _TIPS, _TENTH, _OF_ITS_WAY = 0.5, 5, 0.1, 0.6
 # And what goes so much of its way while the car stands: eleven roads of three simulators went 0.04 of it at most then,
 # a body that passengers rock at stops 0.91.
 _STANDS_MPS, _STANDING = 0.3, 0.5
+# What changes once: so much of all its power is two levels, and so much of the step within so long a way.
+_ONCE, _LEAPS, _A_LENGTH_M = 0.9, 0.7, 5.0
 # A bank knows nothing of drive and brakes, nor a grade of bends: of its power what they tell of it, now or so much
 # before, on unseen blocks. Of 28 banks none had more than 0.12, but for one of these tests', which swings nearly as the
 # car speeds up (0.82), a body that rolls by its engine's torque 0.99, and 0.93 where that hardly shows; of eight grades
@@ -117,6 +119,12 @@ def shows_the_drive(drive: Drive, rows: Rows, fit: Fit) -> bool:
     return share - _SURELY * std > _HALF
 
 
+def is_the_bodys(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether a tilt comes and goes as a body's does, or a bracket's, and no road's."""
+    by_itself = tips_at_once(drive, fit, effect) or tips_once(drive, fit, effect) or tips_standing(drive, fit, effect)
+    return by_itself or follows_the_drive(drive, fit, effect)
+
+
 def tips_at_once(drive: Drive, fit: Fit, effect: str) -> bool:
     """Whether a tilt is from one side to the other at once, time and again, and else stays: a bracket that is loose."""
     course, every = _tilt_rad(fit, effect), round(_AT_ONCE_S / DT_S)
@@ -135,6 +143,26 @@ def tips_standing(drive: Drive, fit: Fit, effect: str) -> bool:
     way_rad = np.abs(np.diff(_tilt_rad(fit, effect)))
     stands = np.mean(drive.wheels, axis=1)[1:] < _STANDS_MPS
     return bool(np.sum(way_rad[stands]) > _STANDING * np.sum(way_rad))
+
+
+def tips_once(drive: Drive, fit: Fit, effect: str) -> bool:
+    """Whether a tilt changes once, within a car's length, and stays as it is then: who got in, or what was loaded.
+
+    A road is another a few metres on; and one that leans for good from here on is no road that a car turns about on.
+    """
+    every = round(_AT_ONCE_S / DT_S)
+    v_mps = np.mean(drive.wheels, axis=1)
+    tilt, way_m = _tilt_rad(fit, effect)[::every], (np.cumsum(v_mps) * DT_S)[::every]
+    n = len(tilt)
+    count = np.arange(1, n)
+    total = np.cumsum(tilt)
+    before, after = total[:-1] / count, (total[-1] - total[:-1]) / (n - count)
+    between = count * (n - count) / n * (after - before) ** 2
+    at = int(np.argmax(between))
+    step_rad = float(after[at] - before[at])
+    first, last = np.searchsorted(way_m, way_m[at] + np.array([-_A_LENGTH_M, _A_LENGTH_M]))
+    leaps = (tilt[min(int(last), n - 1)] - tilt[max(int(first) - 1, 0)]) / step_rad if step_rad else 0.0
+    return bool(between[at] > _ONCE * np.sum((tilt - np.mean(tilt)) ** 2) and leaps > _LEAPS)
 
 
 def follows_the_drive(drive: Drive, fit: Fit, effect: str) -> bool:

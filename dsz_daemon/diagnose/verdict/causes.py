@@ -105,6 +105,8 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
         n: (v, None if s is not None and s > _NEVER_S and n.endswith("_s") else s) for n, (v, s) in values.items()
     }
     values, units = as_told(effect, on_the_clock(found, values), units)
+    if effect == "low_friction" and _is_no_number(values["friction_coefficient"]):
+        return None
     group, others = alternatives(found, effect, left)
     words = described.words.format(**{name: value for name, (value, _) in values.items()})
     untold = [p.name for p in described.parameters if p.name in values and _is_untold(p, values[p.name][1])]
@@ -130,6 +132,11 @@ def cause_of(found: Search, effect: str, left: float = 1.0, each: Each = map) ->
         _to_drive_next(found, effect, group, each),
         described.source,
     )
+
+
+def _is_no_number(value: tuple[float, float | None]) -> bool:
+    """Whether a friction may as well be none: a stretch of less of it of which nobody knows how much is no stretch."""
+    return value[1] is not None and value[1] > value[0]
 
 
 def _takes_back(found: Search) -> bool:

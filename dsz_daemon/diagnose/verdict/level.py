@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -190,10 +191,13 @@ def doubt_of(found: Search, effect: str, unexplained: Collection[str]) -> float:
     """What is left over what may be, of the channels that an effect is judged by.
 
     A grade that no gyro feels is judged by one. And of the wheels that drive no simulation nothing comes into the
-    others: what they do is a matter of wheels. No wheel turns by how a body rolls, pitches or heaves.
+    others: what they do is a matter of wheels. No wheel turns by how a body rolls, pitches or heaves. And a wind whose
+    yaw rate is right leaves the lateral acceleration what is quicker than its course is drawn.
     """
     if effect == "road_grade" and climbs_unfelt(found.drive):
         return doubt(found, {"accel_x"} & set(unexplained))
+    if effect == "side_wind" and level_of(found).get("gyro_z", math.inf) < TURNED:
+        return doubt(found, set(unexplained) - {"accel_y"})
     if found.drive.vocabulary.described(effect).touches == WHEELS:
         return doubt(found, set(unexplained) - _TURN_NO_WHEEL)
     names = zip(channel_names(found.drive), CHANNELS, strict=True)

@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.effects.shape_names import (
 )
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.model import GRIP, SAME_TURN, Fit
+from dsz_daemon.diagnose.fitting.mounts import MOUNT
 from dsz_daemon.diagnose.selection.plausible import are_apart, is_told
 from dsz_daemon.diagnose.selection.trials import TURNS
 from dsz_daemon.diagnose.shapes.eccentric import parts_of
@@ -35,6 +36,7 @@ _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # Drive and brakes turn a car besides.
 _OF_A_TURN = ("delta", "ay", "vy", "r'")
 
+_PULLED, _FROM_THEN_ON = ("accel_x", "accel_y"), "(t > "
 # Bodies that lean or dive, the scale of the accelerometer that is pulled, and the gyro that would feel it.
 _ONE_WITHOUT_A_GYRO = (
     ("suspension_roll.roll_gradient_rad_per_mps2", "accel_scale.y", 0),
@@ -102,6 +104,9 @@ def not_named(drive: Drive, fit: Fit, sure: Collection[str]) -> set[str]:
         elif any(place == IMU_CHANNELS[gyro] for place, _ in shapes):
             more, less = G * fit.x[INDEX[tilt]], fit.x[INDEX[scale]]
             names |= effects if abs(more + less) < _UNDONE * abs(less) else set()
+    # Nor is a mount turned all the way where gravity comes in from some moment on: who got in, or a mount that slips.
+    if any(place in _PULLED and course.startswith(_FROM_THEN_ON) for place, course in shapes):
+        names |= {MOUNT}
     # A body that swings as fast as any may, beside an IMU that swings on its mount, is that mount.
     if "soft_mount" in fit.effects:
         names |= {effect for effect, share in _SWINGS.items() if fit.x[share] > _FASTEST}
