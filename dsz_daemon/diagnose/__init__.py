@@ -25,7 +25,7 @@ from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_s
 from dsz_daemon.diagnose.faults.spinning import rolling_rows, spinning
 from dsz_daemon.diagnose.faults.steering_stops import is_one, stop_of, without_it
 from dsz_daemon.diagnose.faults.stuck_readings import told_by_standing
-from dsz_daemon.diagnose.faults.turning_readings import told_by_turning
+from dsz_daemon.diagnose.faults.turning_readings import of_wheels, told_by_turning
 from dsz_daemon.diagnose.faults.wiring import wiring_of
 from dsz_daemon.diagnose.recordings.recording import LONGEST_GAP_S, REFERENCE, on_grid, recorded, with_gaps
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS, Each, driven_s, rows_of
@@ -131,7 +131,8 @@ def diagnose(
         ) from error
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
-    beside = [*standing, *single, *turning, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
+    lines = of_wheels(turning, found.best.effects)
+    beside = [*standing, *single, *lines, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)

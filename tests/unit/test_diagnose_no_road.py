@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +21,7 @@ from dsz_daemon.diagnose.selection.plausible import is_implausible, weighs_nothi
 from dsz_daemon.diagnose.selection.swaps import in_its_place
 from dsz_daemon.diagnose.selection.tilts import (
     goes_to_and_fro,
+    is_a_tilt_alone,
     pulls_nothing,
     shows_the_drive,
     tips_only_what_stands_on_it,
@@ -134,17 +136,23 @@ def test_what_levels_a_body_follows_the_car_or_does_so_once(tilt_rad: np.ndarray
     one = drive({}, CITY_V, CITY_STEER)
     fit: Any = SimpleNamespace(x=nothing(), road=flat(N)._replace(grade_rad=tilt_rad))
     assert goes_to_and_fro(one, fit) is is_a_road
+    there_and_back = 0.02 * np.cos(2.5 * np.pi * T / T[-1])
+    assert goes_to_and_fro(one, fit, more=True) is (is_a_road and not np.array_equal(tilt_rad, there_and_back))
     assert not goes_to_and_fro(one._replace(wheels=np.zeros((N, 4))), fit)
 
 
 @pytest.mark.parametrize("goes", [False, True])
 def test_a_climb_that_lifts_no_car_is_a_road_as_it_comes_and_goes(monkeypatch: pytest.MonkeyPatch, goes: bool) -> None:
     """A bank that turns none never is."""
-    monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", lambda *_: goes)
+    monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", lambda *_, **__: goes)
     for road in AHEAD:
         one = tilted(road, 0.0)
         is_none = is_implausible(one, rows_of(one), its_road(one, road), road)
         assert is_none is (road == "road_bank" or not goes)
+
+
+def goes_more_often(is_more: bool, _: object, __: object, more: bool = False) -> bool:
+    return is_more or not more
 
 
 @pytest.mark.parametrize(
@@ -164,7 +172,11 @@ def test_a_body_that_is_pitched_against_its_way_shows_what_speeds_it_up(
     left[:, 5] = (share * felt + noise * size * np.random.default_rng(7).normal(size=N))[rows.at]
     fit = fit._replace(left=left)
     assert shows_the_drive(one, rows, fit) is is_shown
-    monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", lambda *_: True)
+    for is_more in (True, False):
+        # Of what comes and goes more often it is how the road is drawn.
+        goes = partial(goes_more_often, is_more)
+        monkeypatch.setattr("dsz_daemon.diagnose.selection.tilts.goes_to_and_fro", goes)
+        assert is_a_tilt_alone(one, rows, fit) is (is_more or not is_shown)
     monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.tips_only_what_stands_on_it", lambda *_: True)
     monkeypatch.setattr("dsz_daemon.diagnose.selection.plausible.pulls_nothing", lambda *_: False)
     assert is_implausible(one, rows, fit, "road_grade") is is_shown

@@ -7,7 +7,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from dsz_daemon.diagnose.faults.turning_readings import _as_shape, _evenly_driven, _Line, _stands_out, told_by_turning
+from dsz_daemon.diagnose.faults.turning_readings import (
+    _as_shape,
+    _evenly_driven,
+    _Line,
+    _stands_out,
+    of_wheels,
+    told_by_turning,
+)
+from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -210,3 +218,15 @@ def test_without_wheels_or_readings_nothing_is_told() -> None:
     assert told_by_turning(whole) == []
     stands = {name: Signal(one.t_ns, np.zeros(len(one.values))) for name, one in signals.items()}
     assert told_by_turning(stands) == []
+
+
+@pytest.mark.parametrize(("gyro", "road"), [("gyro_x", "road_bank"), ("gyro_y", "road_grade")])
+def test_what_a_roads_own_gyro_alone_shows_is_the_roads(gyro: str, road: str) -> None:
+    """Slabs, or a profile drawn from one metre to the next; a wheel shows in more than the gyro that feels a road."""
+    line = Shape(gyro, "k*vx*sin(s/0.32 m)", Coefficient(1e-3, 1e-4, "(rad/s)/(m/s)"), 1.0)
+    wheels = line._replace(channel="accel_z")
+    for effects in ((), ("imu_lever_arm",), ("road_bank", "road_grade")):
+        assert of_wheels([line, wheels], effects) == [line, wheels]
+    assert of_wheels([line], ("imu_lever_arm",)) == [line]
+    assert of_wheels([line], ("imu_lever_arm", road)) == []
+    assert of_wheels([line], ({"road_bank", "road_grade"} - {road})) == [line]

@@ -7,7 +7,7 @@ line in the spectrum, whatever the speed (order tracking).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +43,10 @@ _FORM = 0.02
 _GROWTH = (("", ""), ("vx*", "/(m/s)"), ("vx^2*", "/(m2/s2)"))
 
 
+# The gyros that feel these roads.
+_FELT_BY = {"gyro_x": "road_bank", "gyro_y": "road_grade"}
+
+
 class _Line(NamedTuple):
     """Of stretches (m,) the mean speed, m/s, the square of the line's amplitude, and what there is beside it."""
 
@@ -50,6 +54,15 @@ class _Line(NamedTuple):
     speed_mps: Floats
     square: Floats
     beside: Floats
+
+
+def of_wheels(lines: Sequence[Shape], effects: Collection[str]) -> list[Shape]:
+    """The lines without those of a road that is in the model: of slabs, or drawn from one metre to the next.
+
+    A wheel shows in more than in the gyro that feels the road.
+    """
+    others = {line.channel for line in lines} - set(_FELT_BY)
+    return [line for line in lines if others or _FELT_BY.get(line.channel) not in effects]
 
 
 def told_by_turning(signals: Mapping[str, Signal]) -> list[Shape]:

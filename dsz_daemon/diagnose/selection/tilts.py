@@ -94,8 +94,13 @@ def tips_only_what_stands_on_it(drive: Drive, rows: Rows, fit: Fit, effect: str)
 
 
 def is_a_tilt_alone(drive: Drive, rows: Rows, fit: Fit) -> bool:
-    """Whether a climb that lifts no car may be a road all the same: one that is drawn as a tilt alone."""
-    return goes_to_and_fro(drive, fit) and not shows_the_drive(drive, rows, fit)
+    """Whether a climb that lifts no car may be a road all the same: one that is drawn as a tilt alone.
+
+    Some draw it so that a_z shows what speeds the car up, as a body's does that goes there and back.
+    """
+    return goes_to_and_fro(drive, fit) and (
+        not shows_the_drive(drive, rows, fit) or goes_to_and_fro(drive, fit, more=True)
+    )
 
 
 def shows_the_drive(drive: Drive, rows: Rows, fit: Fit) -> bool:
@@ -193,11 +198,11 @@ def _tilt_rad(fit: Fit, effect: str) -> Floats:
     return road.bank_rad if effect == "road_bank" else road.grade_rad
 
 
-def goes_to_and_fro(drive: Drive, fit: Fit) -> bool:
+def goes_to_and_fro(drive: Drive, fit: Fit, more: bool = False) -> bool:
     """Whether a climb comes and goes time and again, and not with what the car does: no springs or air do that.
 
     Some draw a road as a tilt alone, which lifts no car. What levels a body, or tips it, follows the speed, or what
-    changes it, soon or after a while; or does so once.
+    changes it, soon or after a while; or does so once. `more`: there and back is not enough.
     """
     tilt_rad = on_road(fit.road, fit.x).grade_rad
     at = np.arange(len(tilt_rad)) * DT_S // _OVER_S
@@ -213,7 +218,7 @@ def goes_to_and_fro(drive: Drive, fit: Fit) -> bool:
     told = told_by(does[there], tilt, np.arange(len(tilt)) * _PARTS // len(tilt))
     rms = float(np.sqrt(np.mean(tilt**2)))
     far = np.sign(tilt[np.abs(tilt) > _FAR * rms])
-    swings = _SWINGS if told > _HARDLY else _BACK
+    swings = _SWINGS if more or told > _HARDLY else _BACK
     if 1.0 - told > _BY_ITSELF and np.count_nonzero(np.diff(far)) >= swings:
         return True
     low_rad, high_rad = np.quantile(tilt, [0.02, 0.98]).tolist()
