@@ -257,7 +257,7 @@ def test_in_another_unit_a_steerings_last_reading_is_not_its_end(
     monkeypatch.setattr(api, "_where_steered", lambda drive, *_: (drive, ["its end"]))
     monkeypatch.setattr(api, "searched", lambda *_: None)
     monkeypatch.setattr(api, "spinning", lambda *_: ["a spin"])
-    found = SimpleNamespace(drive=None, rows=None, best=None)
+    found = SimpleNamespace(drive=None, rows=None, best=SimpleNamespace(effects=()))
     monkeypatch.setattr(api, "with_own_numbers", lambda *_: (found, 0.0))
     said = SimpleNamespace(causes=["something"])
     monkeypatch.setattr(api, "answered", lambda *given: said_of.append(given[-1]) or said)
