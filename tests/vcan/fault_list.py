@@ -178,6 +178,8 @@ def silent(bench: Bench) -> Iterator[None]:
 def bus_off(bench: Bench) -> Iterator[None]:
     """What a driver tells when its controller gives up, and when it comes back."""
     with silent(bench):
+        # What the player was sending when it was told to pause would say that the bus is back.
+        time.sleep(0.1)
         _error_frame(0x40)
         yield
         _error_frame(0x100)
