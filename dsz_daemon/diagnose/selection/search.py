@@ -19,12 +19,13 @@ from dsz_daemon.diagnose.effects.shape_names import is_shape
 from dsz_daemon.diagnose.effects.vocabulary import INDEX, vocabulary
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form, quiet
-from dsz_daemon.diagnose.fitting.model import Fit
+from dsz_daemon.diagnose.fitting.model import Fit, Slopes
 from dsz_daemon.diagnose.fitting.moments import in_the_middle
 from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands, sensitivities
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.drawn import WELL, drawn, refitted
 from dsz_daemon.diagnose.selection.plausible import is_implausible
+from dsz_daemon.diagnose.selection.remembered import Remembered
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.smaller import (
     Grown,
@@ -103,14 +104,14 @@ def searched(
     best, rivals, gains = nominal, dict[str, tuple[Step, ...]](), dict[str, float]()
     elsewhere, shapes = dict[str, dict[str, float]](), list[Found]()
     refused, waits, known, been = set[str](), frozenset[str](), None, Counter[_Model]()
+    trial: Remembered | None = None
     for _ in range(_MOST_STEPS):
         if len(best.effects) >= _MOST_EFFECTS or _is_again(been, best, refused):
             break
         best = drawn(drive, rows, best, tolerance, each)
         say(f"screening what else than {', '.join(best.effects) or 'nothing'}")
-        screening = screened(drive, rows, best, tolerance, each, known)
-        trial = Trial(drive, rows, best, tolerance, screening.known)
-        starts = [start for start in starts_of(drive, rows, best, screening.names, each) if not set(start[0]) & refused]
+        trial = _beside(trial, drive, rows, best, tolerance, known, each)
+        screening, starts = trial.screening, trial.starts_but_for(refused)
         beside = _SHARE_OF_WIND * gains.get("side_wind", 0.0)
         enough = partial(
             enough_first,
@@ -162,6 +163,23 @@ def searched(
         gains = {effect: (gained_before if best is before else gains)[effect] for effect in best.effects}
     found = Search(drive, rows, nominal, best, rivals, gains, elsewhere, tuple(shapes))
     return _kept(_each_in_its_place(found, tolerance, say, each), tolerance, best.effects, each)
+
+
+def _beside(
+    before: Remembered | None,
+    drive: Drive,
+    rows: Rows,
+    best: Fit,
+    tolerance: Mapping[str, float],
+    known: Slopes | None,
+    each: Each,
+) -> Remembered:
+    """What can be tried beside a model; of the same model as `before` that is it, with all that was tried."""
+    if before is not None and before.best is best:
+        return before
+    screening = screened(drive, rows, best, tolerance, each, known)
+    starts = tuple(starts_of(drive, rows, best, screening.names, each))
+    return Remembered(drive, rows, best, tolerance, screening.known, screening, starts)
 
 
 def _is_again(been: Counter[_Model], best: Fit, refused: set[str]) -> bool:
