@@ -496,11 +496,22 @@ def test_a_sensors_own_noise_is_explained_up_to_six_times_its_white_part(monkeyp
     search: Any = SimpleNamespace(
         drive=SimpleNamespace(front_gives_speed=False), rows=None, best=SimpleNamespace(left=np.zeros((5, 13)))
     )
-    levels = {"accel_x": 2.9, "accel_y": 4.0, "accel_z": 6.1, "wheel_speed_fl": 4.0}
+    levels = {"accel_x": 2.9, "accel_y": 4.0, "accel_z": 6.1, "wheel_speed_fl": 4.0, "wheel_speed_fr": 2.9}
     monkeypatch.setattr(level, "is_its_own", lambda *_: True)
+    monkeypatch.setattr(level, "is_shared", lambda *_: False)
     assert level.unexplained_of(search, levels) == ["accel_z", "wheel_speed_fl"]
+    assert level.off_where_nothing_is_said(search, levels) == {"accel_x", "accel_y", "accel_z", "wheel_speed_fl"}
+    assert level.off_where_nothing_is_said(search, levels | {"accel_y": 1.4}) == {"accel_z", "wheel_speed_fl"}
+    # What two sensors have in common is no noise of either.
+    monkeypatch.setattr(level, "is_shared", lambda _, __, c, ___: c == 4)
+    assert level.unexplained_of(search, levels) == ["accel_y", "accel_z", "wheel_speed_fl"]
+    monkeypatch.setattr(level, "is_shared", lambda *_: False)
     monkeypatch.setattr(level, "is_its_own", lambda *_: False)
     assert level.unexplained_of(search, levels) == ["accel_y", "accel_z", "wheel_speed_fl"]
+    # Where nothing is said less is enough, of the IMU's channels.
+    gone = {"accel_x": 1.6, "accel_y": 1.4, "gyro_x": 2.9, "wheel_speed_fl": 2.9}
+    assert level.unexplained_of(search, gone) == []
+    assert level.off_where_nothing_is_said(search, gone) == {"accel_x", "gyro_x"}
 
 
 @pytest.mark.parametrize(("std", "is_named"), [(1.9, True), (2.3, False), (None, True)])

@@ -43,7 +43,7 @@ from dsz_daemon.diagnose.verdict.level import (
     driven_by_other_wheels,
     late_besides,
     level_of,
-    off_together,
+    off_where_nothing_is_said,
     turned_by_another,
     unexplained_of,
     verdict,
@@ -124,7 +124,7 @@ def answered(
     shapes += shapes_of_all(found.drive, found.best, {e for e in sure if is_told(found.drive, found.best, e)})
     shapes = shapes if circle is None else about_the_middle(shapes, circle)
     # Where nothing is said, less is enough to say that something is there.
-    unexplained = unexplained if causes or shapes else [*unexplained, *off_together(level)]
+    unexplained = unexplained if causes or shapes else [*unexplained, *off_where_nothing_is_said(found, level)]
     anything = causes or errors or shapes or unexplained
     offsets = offsets_of(found, [cause.effect for cause in causes])
     return Diagnosis(
@@ -153,7 +153,7 @@ def with_nothing_said(said: Diagnosis, found: Search) -> tuple[Diagnosis, Search
     if set(found.best.effects) <= {OUTER_LOAD}:
         return said, alone
     level = level_of(alone)
-    off = {*unexplained_of(alone, level), *off_together(level)}
+    off = off_where_nothing_is_said(alone, level)
     if not off:
         return said, alone
     nominal = found.nominal
@@ -169,7 +169,7 @@ def with_what_has_no_shape(said: Diagnosis, found: Search) -> Diagnosis:
     if said.causes or said.unlisted or said.verdict != verdict(False, True):
         return said
     turning = [channel for channel in OF_A_TURN if said.level.get(channel, 0.0) >= TURNED]
-    off = {*unexplained_of(found, said.level), *off_together(said.level)} or set(turning)
+    off = off_where_nothing_is_said(found, said.level) or set(turning)
     names, sums, shapes = channel_names(found.drive), found.best.sums, list[Shape]()
     for name in sorted(off, key=lambda channel: -said.level[channel]):
         c = names.index(name)
