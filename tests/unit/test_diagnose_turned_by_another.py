@@ -217,6 +217,22 @@ def test_what_two_channels_of_the_motion_in_the_plane_show_is_something(
     assert answered(named).verdict == "explained"
 
 
+def test_tyres_within_their_tolerance_are_none_where_nothing_explains_the_yaw_rate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stability control, and a trailer that sways, were front tyres 9 % softer and rear ones 10 % stiffer besides."""
+    name = "front_cornering_stiffness_n_per_rad"
+    search = found(drive({name: -0.06}, CITY_V, CITY_STEER))
+    told = answered(search)
+    assert (told.verdict, [error.parameter for error in told.parameter_errors]) == ("consistent", [name])
+    for channel, is_told in (("gyro_z", False), ("accel_y", True), ("wheel_speed_fl", True)):
+        there = level_of(search) | {channel: 6.1}
+        monkeypatch.setattr(answer, "level_of", lambda _, there=there: there)
+        told = answered(search)
+        assert told.verdict == "unexplained"
+        assert [error.parameter for error in told.parameter_errors] == ([name] if is_told else [])
+
+
 @pytest.mark.parametrize(
     ("level", "is_far"),
     [
