@@ -26,7 +26,7 @@ from dsz_daemon.diagnose.selection.guesses import guesses
 from dsz_daemon.diagnose.selection.plausible import is_implausible
 from dsz_daemon.diagnose.selection.search import Search, gained, searched
 from dsz_daemon.diagnose.selection.starts import starts_of
-from dsz_daemon.diagnose.selection.trials import Step, Trial, _judged
+from dsz_daemon.diagnose.selection.trials import Step, Trial, judged_steps
 from dsz_daemon.diagnose.shapes.unlisted import unlisted
 from dsz_daemon.diagnose.simulation import moving as moving_module
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -682,11 +682,11 @@ def test_where_the_best_is_denied_the_next_is_judged() -> None:
         Step(name, gain, none) for name, gain in (("last", -40.0), ("first", 1000.0), ("third", 5.0), ("second", 300.0))
     ]
     trial: Any = SimpleNamespace(judge=judge)
-    assert [step.effect for step in _judged(trial, steps, map)] == ["first", "second"]
+    assert [step.effect for step in judged_steps(trial, steps, map)] == ["first", "second"]
     assert asked == ["first", "second"]
-    assert [step.effect for step in _judged(trial, steps[::3], map)] == ["second"]
-    assert _judged(trial, steps[:1], map) == []
-    assert [step.effect for step in _judged(trial, steps[::2], map)] == ["third"]
+    assert [step.effect for step in judged_steps(trial, steps[::3], map)] == ["second"]
+    assert judged_steps(trial, steps[:1], map) == []
+    assert [step.effect for step in judged_steps(trial, steps[::2], map)] == ["third"]
 
 
 def test_a_tyres_limit_is_drawn_more_coarsely_than_all_else() -> None:

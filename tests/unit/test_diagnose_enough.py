@@ -18,7 +18,8 @@ from dsz_daemon.diagnose.selection import trials as trials_module
 from dsz_daemon.diagnose.selection.plausible import is_implausible, is_told
 from dsz_daemon.diagnose.selection.screening import Screening, feels, screened
 from dsz_daemon.diagnose.selection.starts import starts_of
-from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, rank_by, rivals_of, two_at_once
+from dsz_daemon.diagnose.selection.together import two_at_once
+from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, rank_by, rivals_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat

@@ -9,7 +9,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, N, T, drive
 from dsz_daemon.diagnose.effects.vocabulary import INDEX
 from dsz_daemon.diagnose.fitting.fit import fitted
 from dsz_daemon.diagnose.residuals.comparison import residual, rows_of, sensitivities
-from dsz_daemon.diagnose.selection import trials
+from dsz_daemon.diagnose.selection import together, trials
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.shapes.unlisted import Found, as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
@@ -128,7 +128,7 @@ def test_a_gyros_scale_is_told_beside_the_road_that_it_feels(road: str) -> None:
 def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """In town a leak of the yaw rate shows as much as a bank: alone neither leaves less that hangs together."""
     if not at_once:
-        monkeypatch.setattr(trials, "_SHOWS_MORE", ())
+        monkeypatch.setattr(together, "_SHOWS_MORE", ())
     x = nothing()
     x[INDEX["gyro_cross_axis.xz"]], x[INDEX["gyro_cross_axis.yz"]] = -0.05, 0.05
     one = drive({}, CITY_V, CITY_STEER)
@@ -138,12 +138,12 @@ def test_a_bank_and_a_gyro_that_leaks_are_found_at_once(at_once: bool, monkeypat
     nominal = fitted(one, rows, nothing(), (), TOLERANCE)
     screening = screened(one, rows, nominal, TOLERANCE, map)
     trial = trials.Trial(one, rows, nominal, TOLERANCE, screening.known)
-    tried = trials.two_at_once(trial, screening, [], set(), map)
+    tried = together.two_at_once(trial, screening, [], set(), map)
     assert (bool(tried) and tried[0].fit.effects == ("gyro_cross_axis", "road_bank")) is at_once
     # A shape of that gyro hides both, too; one of another has nothing to do with them.
     for channel, there in (("gyro_x", at_once), ("gyro_y", False)):
         shape = Found(as_effect(channel, "ay*|ay|", CITY_STEER, "1", 1.0), channel, "k*ay*|ay|", 1.0, 50.0, 1.0, 0.1)
-        instead = trials.two_instead(trial, screening, [], set(), shape, map)
+        instead = together.two_instead(trial, screening, [], set(), shape, map)
         assert (("gyro_cross_axis", "road_bank") in [step.fit.effects for step in instead]) is there
 
 

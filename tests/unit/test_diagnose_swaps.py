@@ -17,12 +17,13 @@ from dsz_daemon.diagnose.residuals.comparison import Rows, rows_of
 from dsz_daemon.diagnose.selection import search as search_module
 from dsz_daemon.diagnose.selection import starts as starts_module
 from dsz_daemon.diagnose.selection import swaps as swaps_module
-from dsz_daemon.diagnose.selection import trials as trials_module
+from dsz_daemon.diagnose.selection import together as together_module
 from dsz_daemon.diagnose.selection.screening import screened
 from dsz_daemon.diagnose.selection.search import Search, searched
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.swaps import a_load_instead, in_its_place, one_for_two
-from dsz_daemon.diagnose.selection.trials import ODD_LEAKS, Step, Trial, two_instead
+from dsz_daemon.diagnose.selection.together import two_instead
+from dsz_daemon.diagnose.selection.trials import ODD_LEAKS, Step, Trial
 from dsz_daemon.diagnose.shapes.unlisted import as_effect
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.verdict.answer import answered
@@ -223,7 +224,7 @@ def test_two_that_hide_each_other_come_in_place_of_a_shape_that_gains_half_as_mu
         step.fit.effects for step in two_instead(trial, screening, [], {"gyro_scale"}, shape, map)
     ]
     # And both are told.
-    monkeypatch.setattr(trials_module, "is_told", lambda _, __, effect: effect != "gyro_scale")
+    monkeypatch.setattr(together_module, "is_told", lambda _, __, effect: effect != "gyro_scale")
     steps = two_instead(trial, screening, [], set(), shape, map)
     assert not any("gyro_scale" in step.fit.effects for step in steps)
 

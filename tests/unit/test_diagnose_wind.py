@@ -16,12 +16,13 @@ from dsz_daemon.diagnose.fitting.gains import told_from
 from dsz_daemon.diagnose.recordings.recording import DT_S, filter_kernel, filtered
 from dsz_daemon.diagnose.residuals.comparison import rows_of, sensitivities
 from dsz_daemon.diagnose.selection import search as search_module
-from dsz_daemon.diagnose.selection import trials
+from dsz_daemon.diagnose.selection import together
 from dsz_daemon.diagnose.selection.screening import Screening, screened
 from dsz_daemon.diagnose.selection.search import _with_wind_anew, searched
 from dsz_daemon.diagnose.selection.smaller import worth_now
 from dsz_daemon.diagnose.selection.starts import Start, beside_a_wind, starts_of
-from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first, two_at_once
+from dsz_daemon.diagnose.selection.together import two_at_once
+from dsz_daemon.diagnose.selection.trials import Step, Trial, enough_first
 from dsz_daemon.diagnose.simulation.car import car_of
 from dsz_daemon.diagnose.simulation.drive import Drive, nothing
 from dsz_daemon.diagnose.simulation.prediction import predicted
@@ -457,7 +458,7 @@ def begun(one: Drive) -> tuple[Trial, Screening, list[Start]]:
 def test_a_wind_and_a_gyro_of_another_scale_are_found_at_once(at_once: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wind is judged by the yaw rate, of which a scale leaves as much as a wind does: alone neither helps."""
     if not at_once:
-        monkeypatch.setattr(trials, "_OTHERS_OF_A_WIND", 0)
+        monkeypatch.setattr(together, "_OTHERS_OF_A_WIND", 0)
     one, x = drive({}, CITY_V, CITY_STEER), nothing()
     x[AHEAD], x[INDEX["gyro_scale.z"]] = 0.3, 0.1
     one.measured[:] += predicted(one, x, flat(N)._replace(side_n=SLOW_GUSTS_N)) - predicted(one, nothing(), flat(N))

@@ -39,6 +39,7 @@ from dsz_daemon.diagnose.selection.smaller import (
 )
 from dsz_daemon.diagnose.selection.starts import starts_of
 from dsz_daemon.diagnose.selection.swaps import ONE_FOR_TWO, a_load_instead, in_its_place, one_for_two
+from dsz_daemon.diagnose.selection.together import two_at_once, two_instead
 from dsz_daemon.diagnose.selection.trials import (
     SURELY,
     Step,
@@ -47,8 +48,6 @@ from dsz_daemon.diagnose.selection.trials import (
     enough_first,
     rank_by,
     rivals_of,
-    two_at_once,
-    two_instead,
 )
 from dsz_daemon.diagnose.selection.two_roads import both_roads
 from dsz_daemon.diagnose.shapes.shape_beside import likeliest_shapes

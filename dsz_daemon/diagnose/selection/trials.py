@@ -11,13 +11,12 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import NAMELESS, OUTER_LOAD
 from dsz_daemon.diagnose.effects.row import CAR
-from dsz_daemon.diagnose.effects.shape_names import is_of_the_car
 from dsz_daemon.diagnose.effects.vocabulary import GUESSED, INDEX
 from dsz_daemon.diagnose.fitting.fit import ONE_BY_ONE, exactly, fitted
-from dsz_daemon.diagnose.fitting.gains import far_off, gained, is_beyond_form, puts_right
+from dsz_daemon.diagnose.fitting.gains import gained, is_beyond_form
 from dsz_daemon.diagnose.fitting.model import GRIP, OWN_CHANNEL, SAME_TURN, TILTS, Fit, Slopes
 from dsz_daemon.diagnose.fitting.moments import moments_of, with_best_moments
-from dsz_daemon.diagnose.residuals.comparison import Bools, Each, Rows, all_hands
+from dsz_daemon.diagnose.residuals.comparison import Each, Rows, all_hands
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.guesses import as_everywhere
 from dsz_daemon.diagnose.selection.plausible import (
@@ -29,26 +28,17 @@ from dsz_daemon.diagnose.selection.plausible import (
     odds_against_less,
     weighs_nothing,
 )
-from dsz_daemon.diagnose.selection.screening import Screening, feels
-from dsz_daemon.diagnose.selection.starts import Start, beside_a_wind
-from dsz_daemon.diagnose.shapes.unlisted import Found, wheel_squares
-from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, Floats
+from dsz_daemon.diagnose.selection.starts import Start
+from dsz_daemon.diagnose.shapes.unlisted import wheel_squares
+from dsz_daemon.diagnose.simulation.drive import Drive, Floats
 from dsz_daemon.diagnose.simulation.loads import LOAD
 
 # A profile fits nearly anything.
 _PROFILE_SHARES = 2.0
 # A wind may be a bank that gains so much of what it does: that is told by a gyro, and judged by more than the yaw rate.
 _MAY_BE_A_BANK = 0.6
-# A name alone is as good as a shape of the car that gains so much more: there are some twenty of these.
-_AS_GOOD = 5.0
 # Of two starts of an effect so close in log likelihood the drive does not choose.
 _ALIKE = 3.0
-# The most promising of two at once; and what makes a gyro show more than its own rate.
-_PAIRS, _OTHERS, _SHOWS_MORE = 3, 2, ("gyro_cross_axis", "gyro_scale", "gyro_g_sensitivity", "imu_misalignment")
-# And the most promising beside a wind.
-_BLOWN, _OTHERS_OF_A_WIND = "side_wind", 3
-# Than a shape, for two to come in its place; than one of the car, whose place has fewer names.
-_SO_MUCH_MORE, _THAN_OF_A_CAR = 2.0, 1.5
 # What turns a car, one with another, as no single name does.
 TURNS = ("steering_ratio", "steering_compliance", "cornering_stiffness", "mass_loading", "tyre_relaxation")
 # By slopes that are a step old, what gains so much of the most, or is so little off it, is judged by its own, unless it
@@ -173,14 +163,14 @@ def all_tried(
     """
     waiting = set(waits) if len(trial.best.effects) >= _SOME else set[str]()
     fits = _fitted_each(trial, [start for start in starts if start[0][-1] not in waiting], each)
-    judged = _judged(trial, fits, each)
+    judged = judged_steps(trial, fits, each)
     judged += _all_the_way(trial, judged, each)
     tried = _ranked(trial.drive, trial.best, judged)
     later = [start for start in starts if start[0][-1] in waiting]
     if later and not enough(tried):
         fits += (others := _fitted_each(trial, later, each))
         waiting = set()
-        tried = _ranked(trial.drive, trial.best, [*judged, *_judged(trial, others, each)])
+        tried = _ranked(trial.drive, trial.best, [*judged, *judged_steps(trial, others, each)])
     hopeful = {step.effect for step in fits if step.gain > _HOPELESS}
     return tried, frozenset(waiting | ({step.effect for step in fits} - hopeful))
 
@@ -195,7 +185,7 @@ def _all_the_way(trial: Trial, judged: Sequence[Step], each: Each) -> list[Step]
     if first is None or first.effect != "low_friction" or first.gain < LEAST_GAIN or "tyre_saturation" in known:
         return []
     start = (("tyre_saturation",), as_everywhere(trial.best.x, first.fit.x))
-    return _judged(trial, [trial.fit(start, each)], each)
+    return judged_steps(trial, [trial.fit(start, each)], each)
 
 
 def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step]:
@@ -214,7 +204,7 @@ def _fitted_each(trial: Trial, starts: Sequence[Start], each: Each) -> list[Step
     return [fits[i] for i in range(len(starts))]
 
 
-def _judged(trial: Trial, tried: Iterable[Step], each: Each) -> list[Step]:
+def judged_steps(trial: Trial, tried: Iterable[Step], each: Each) -> list[Step]:
     """Those that may be the best, by their own slopes; where one of them is denied, those that come after it, too."""
     rest, judged = sorted(tried, key=lambda step: -step.gain), list[Step]()
     while rest and rest[0].gain > max([_HOPELESS, *(step.gain for step in judged)]):
@@ -309,72 +299,6 @@ def _weighs_by_its_turn(drive: Drive, best: Fit, gaining: Sequence[Step]) -> set
     of_load = max(rank(step) for step in alike if step.effect == LOAD)
     others = max(rank(step) for step in alike if step.effect != LOAD)
     return {LOAD} if of_load > others + max(LEAST_GAIN, _MORE_THAN_TYRES * others) else set()
-
-
-def two_at_once(
-    trial: Trial, screening: Screening, starts: Sequence[Start], refused: set[str], each: Each
-) -> list[Step]:
-    """What two effects gain that hide each other while a channel is far off, the most first; empty where none do.
-
-    An IMU that is late and a steering that is, too, turn the car in time with each other; of a road that is felt by a
-    gyro which shows more than its own rate nothing is left as it is; and a wind, from where one `starts`, is judged by
-    the yaw rate, of which nothing else may be off.
-    """
-    off = far_off(trial.drive, trial.best)
-    if not off.any():
-        return []
-    winds = [
-        ((_BLOWN, other), beside_a_wind(trial.rows, trial.best, x, other))
-        for new, x in starts
-        if new == (_BLOWN,)
-        for other in [name for name in screening.names if name != _BLOWN][:_OTHERS_OF_A_WIND]
-    ]
-    pairs = (*_felt_by_more(trial, screening, off), *screening.pairs(off, each)[:_PAIRS])
-    tried = tried_at_once(trial, (*winds, *((pair, trial.best.x) for pair in pairs)), refused, each)
-    return [step for step in tried if step.gain > LEAST_GAIN and puts_right(trial.drive, trial.best, step.fit)]
-
-
-def _felt_by_more(trial: Trial, screening: Screening, shown: Bools) -> list[tuple[str, str]]:
-    """Roads that a gyro of these channels (13,) feels, each with what makes it show more than its own rate."""
-    more = [name for name in screening.names if name in _SHOWS_MORE][:_OTHERS]
-    roads = [road for road in sorted(TILTS - set(trial.best.effects)) if shown[OWN_CHANNEL[road]]]
-    return [(one, road) for road in roads if feels(trial.drive, trial.rows, trial.best, road) for one in more]
-
-
-def two_instead(
-    trial: Trial, screening: Screening, tried: Sequence[Step], refused: set[str], shape: Found, each: Each
-) -> list[Step]:
-    """Two effects in place of a shape, the most first, where they gain much more: a scale that a ratio hides bends.
-
-    Two fit more than one, and may be any of some hundred. A gyro that shows more than its own rate hides a road. What
-    turns a car by its speed is the best that was `tried`, and another of those that do: wheels that turn less the
-    faster it goes are a ratio and a stiffness, too. One that was not tried may be as good alone.
-    """
-    shown = np.array([channel == shape.channel for channel in CHANNELS])
-    instead: list[tuple[str, ...]] = [*screening.pairs(shown, each)[:_PAIRS], *_felt_by_more(trial, screening, shown)]
-    factor = _SO_MUCH_MORE
-    if is_of_the_car(shape.effect.name):
-        factor = _THAN_OF_A_CAR
-        known, others = {step.effect for step in tried}, sorted(set(TURNS) - {*trial.best.effects})
-        for first in [step.effect for step in tried if step.effect in TURNS][:1]:
-            more = [(first, other) for other in others if other != first]
-            instead += [pair for pair in more if set(pair) not in map(set, instead)]
-        instead += [(other,) for other in others if other not in known]
-    found = tried_at_once(trial, [(names, trial.best.x) for names in instead], refused, each)
-    already = len(trial.best.effects)
-
-    def is_better(step: Step) -> bool:
-        if len(new := step.fit.effects[already:]) == 1:
-            return step.gain > shape.gain / SURELY - _AS_GOOD
-        return step.gain > factor * shape.gain and all(is_told(trial.drive, step.fit, effect) for effect in new)
-
-    return [step for step in found if is_better(step)]
-
-
-def tried_at_once(trial: Trial, starts: Sequence[Start], refused: set[str], each: Each) -> list[Step]:
-    """All of these really fitted, but for what is `refused`, and judged; the most first."""
-    fits = each(trial.fit, [start for start in starts if not set(start[0]) & refused])
-    return sorted(_judged(trial, fits, each), key=lambda step: -step.gain)
 
 
 def rivals_of(best: Fit, tried: Sequence[Step], rank: Callable[[Step], float]) -> dict[str, tuple[Step, ...]]:

@@ -10,7 +10,8 @@ from dsz_daemon.diagnose.residuals.comparison import Each
 from dsz_daemon.diagnose.residuals.evidence import LEAST_GAIN
 from dsz_daemon.diagnose.selection.screening import feels
 from dsz_daemon.diagnose.selection.smaller import BY_ITSELF
-from dsz_daemon.diagnose.selection.trials import Step, Trial, tried_at_once
+from dsz_daemon.diagnose.selection.together import tried_at_once
+from dsz_daemon.diagnose.selection.trials import Step, Trial
 from dsz_daemon.diagnose.simulation.drive import CHANNELS
 
 # What shows a road's gravity.

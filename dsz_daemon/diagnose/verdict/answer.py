@@ -96,7 +96,7 @@ def answered(
     no_names, unexplained = no_names | by_another, [*unexplained, *(c for c in turning if c not in unexplained)]
     # What is given no name has no numbers, but for what is a number of the car and never had one.
     withheld = {key for effect in no_names - {"yaw_inertia"} for key in BEYOND.get(effect, ())}
-    # Within their tolerance tyres make up for how what turns a car without a name is drawn, or for what nothing explains.
+    # Within tolerance tyres make up for how what turns a car without a name is drawn, and for what nothing explains.
     if TYRES not in found.best.effects and ("gyro_z" in unexplained or any(map(is_of_the_car, sure))):
         withheld |= set(BEYOND[TYRES])
     # Nor is a car that turns otherwise, or whose hand wheel or speed only steps are known of, harder to turn.
