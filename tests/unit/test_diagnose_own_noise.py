@@ -56,6 +56,18 @@ def test_what_is_slow_may_be_little_by_chance_while_the_car_stands() -> None:
     assert is_its_own(one, rows, 3.0 * NOISE[_AZ] * (wander + 0.5 * rest), _AZ)
 
 
+def test_noise_has_no_readings_that_are_far_from_all_others() -> None:
+    """One word in twenty is torn, by as much all the way; flicker, and what is cut off, have none."""
+    rows = rows_of(one := drive({}, CITY_V, CITY_STEER))
+    rng = np.random.default_rng(8)
+    white = rng.normal(size=len(rows.at))
+    torn = white + np.where(rng.random(len(white)) < 0.05, 8.0 * rng.choice([-1.0, 1.0], len(white)), 0.0)
+    flicker = np.convolve(rng.normal(size=len(white)), np.ones(25) / 5.0, "same")
+    evenly = [is_its_own(one, rows, NOISE[_AZ] * left, _AZ) for left in (white, 3.0 * flicker + white, np.sign(white))]
+    assert evenly == [True, True, True]
+    assert not is_its_own(one, rows, NOISE[_AZ] * torn, _AZ)
+
+
 def test_two_sensors_have_no_noise_in_common() -> None:
     rows = rows_of(drive({}, CITY_V, CITY_STEER))
     rng = np.random.default_rng(5)
