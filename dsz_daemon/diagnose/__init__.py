@@ -19,6 +19,7 @@ from dsz_daemon.core.parameters import Car
 from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parameter
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
+from dsz_daemon.diagnose.faults.backwards import as_shapes, backwards, without_them
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.faults.reference_faults import require_same_car
 from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_steering, told_by_readings
@@ -120,6 +121,7 @@ def diagnose(
     require_same_car(drive.recording)
     first_ns = min(int(signal.t_ns[0]) for signal in signals.values() if len(signal.t_ns))
     drive, stops = _where_steered(drive, signals, first_ns, car, steering_ratio)
+    drive, back = (drive, []) if simulation else _forwards(drive, car, steering_ratio)
     drive = _held_against(drive, simulation, first_ns) if simulation else drive
     try:
         found = searched(drive, rolling_rows(drive, rows_of(drive)), tolerance, say, each)
@@ -132,7 +134,7 @@ def diagnose(
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
     lines = of_wheels(turning, found.best.effects)
-    beside = [*standing, *single, *lines, *coarse, *stops, *spinning(found.drive, found.rows, found.best)]
+    beside = [*standing, *single, *lines, *coarse, *stops, *back, *spinning(found.drive, found.rows, found.best)]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)
@@ -167,6 +169,15 @@ def _where_steered(
         return drive, []
     recording, share = without_it(drive.recording, stop, first_ns)
     return drive_of(recording, car, steering_ratio, drive.vocabulary), [stop.as_shape(share)]
+
+
+def _forwards(drive: Drive, car: Car, steering_ratio: float) -> tuple[Drive, list[Shape]]:
+    """The drive without what it does backwards, by wheel speeds that have no sign, and what is said of that."""
+    stretches = backwards(drive.recording, car.wheelbase_m)
+    if not stretches:
+        return drive, []
+    recording = without_them(drive.recording, stretches)
+    return drive_of(recording, car, steering_ratio, drive.vocabulary), as_shapes(drive.recording, stretches)
 
 
 def _require(signals: Mapping[str, Signal]) -> None:
