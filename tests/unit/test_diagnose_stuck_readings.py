@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from core_cases import TUCSON
@@ -174,3 +176,37 @@ def test_a_diagnosis_goes_on_without_what_is_repeated() -> None:
     assert said.causes == []
     # What is left of the channel is its noise.
     assert said.level["gyro_z"] < 1.5
+
+
+def _converted(volts: Any, stuck: int | None, at_one: bool = True, offset: int = 2048) -> Any:
+    """What a converter of 12 bits says of these (n,), +-5 of its unit, one bit of which stays."""
+    counts = np.clip(np.round(volts / 5.0 * 2048.0) + offset, 0, 4095).astype(np.int64)
+    if stuck is not None:
+        counts = counts | (1 << stuck) if at_one else counts & ~(1 << stuck)
+    return (counts - 2048) * 5.0 / 2048.0
+
+
+@pytest.mark.parametrize("at_one", [True, False])
+@pytest.mark.parametrize("bit", [4, 6, 8])
+def test_a_bit_that_stays_is_seen_by_what_is_never_said(bit: int, at_one: bool) -> None:
+    rng, t = np.random.default_rng(bit), 0.01 * np.arange(15000)
+    turns = 2.5 * np.sin(0.4 * t) * np.sin(0.07 * t) + 0.04 * rng.normal(size=len(t))
+    ns = np.round(t * 1e9).astype(np.int64)
+    found = told_by_standing({"accel_y": Signal(ns, _converted(turns, bit, at_one)), "accel_x": Signal(ns, turns)})
+    assert [(shape.channel, shape.shape) for shape in found.shapes] == [("accel_y", "k or 0, by a bit that stays")]
+    assert found.shapes[0].coefficient.value == pytest.approx(2**bit * 5.0 / 2048.0)
+    # Nothing is left out for it.
+    assert len(found.signals["accel_y"].values) == len(t)
+
+
+def test_a_converter_that_says_all_it_can_and_one_that_is_seldom_asked_for_much_have_no_bit_that_stays() -> None:
+    rng, t = np.random.default_rng(1), 0.01 * np.arange(15000)
+    ns = np.round(t * 1e9).astype(np.int64)
+    turns = 2.5 * np.sin(0.4 * t) * np.sin(0.07 * t) + 0.04 * rng.normal(size=len(t))
+    # A car that hardly turns: one half of a period is all there is, but for a few bumps that happen to end in it.
+    noise = 52.0 * rng.random(len(t)) + 2.0
+    bumps = np.where(rng.random(len(t)) < 0.001, 128.0 * rng.integers(1, 5, len(t)), 0.0)
+    still = np.round(noise + bumps) * 0.001
+    coarse = np.round(turns / 0.16) * 0.16
+    for values in (_converted(turns, None), still, coarse, turns, np.zeros(len(t)), _converted(turns, 6)[:1000]):
+        assert told_by_standing({"accel_y": Signal(ns[: len(values)], values)}).shapes == []

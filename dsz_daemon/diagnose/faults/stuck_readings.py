@@ -32,6 +32,10 @@ _NEAREST, _NEAR = 0.002, 0.02
 # Wheels of cars are read from 3 km/h or so on. Where they begin is the same each time but for so much, and one that is
 # not read shows no more than this.
 _CUT_OFF_MPS, _SAME_CUT, _NOT_READ_MPS, _TWICE = 1.0, 0.8, 0.1, 2
+# A bit that stays: the lowest of which that is asked, in how many of its periods most of a half is there, what of that
+# half is there in any, and of how many readings.
+_LOWEST_BIT, _ROUNDS, _FILLED, _ENOUGH = 4, 3, 0.8, 2000
+STAYS = "k or 0, by a bit that stays"
 
 
 class _Stretches(NamedTuple):
@@ -50,6 +54,8 @@ def told_by_standing(signals: Mapping[str, Signal]) -> Readings:
             shape, stands = told
             found.shapes.append(shape)
             found.signals[name] = Signal(signal.t_ns[~stands], signal.values[~stands])
+        elif (bit := _stuck_bit(name, signal)) is not None:
+            found.shapes.append(bit)
     for name in WHEEL_SPEEDS:
         wheel = signals.get(name)
         if wheel is not None and (cut := _cut_off(wheel)) is not None:
@@ -125,3 +131,28 @@ def _cut_off(signal: Signal) -> Coefficient | None:
     if cut < max(_CUT_OFF_MPS, 2.0 * least_step(signal)) or slower.any():
         return None
     return Coefficient(cut, float(np.std(edges)), "m/s")
+
+
+def _stuck_bit(name: str, signal: Signal) -> Shape | None:
+    """What is said of a converter of which one bit stays as it is: half of what it could say it never says.
+
+    Of readings in steps of one, whatever the lowest is called, those of one half of each period of that bit are
+    missing, and of the other half next to none. The highest bits go round too seldom to tell.
+    """
+    values, step = signal.values, least_step(signal)
+    if not step > 0.0 or len(values) < _ENOUGH:
+        return None
+    steps, found = np.round((values - np.min(values)) / step).astype(np.int64), None
+    for bit in range(_LOWEST_BIT, int(steps.max()).bit_length() - 1):
+        half = 1 << bit
+        there = np.bincount(steps % (2 * half), minlength=2 * half) > 0
+        # The half that is there begins anywhere: what is there of each half a period on from here.
+        sums = np.concatenate(([0], np.cumsum(np.concatenate((there, there)))))
+        filled = sums[half : 3 * half] - sums[: 2 * half]
+        if there.sum() == filled.max() > _FILLED * half:
+            periods, seen = (np.unique(steps + 2 * half - int(np.argmax(filled))) // (2 * half)), 0.5 * half
+            found = bit if np.count_nonzero(np.bincount(periods) > seen) >= _ROUNDS else found
+    if found is None:
+        return None
+    unit = "rad/s" if name.startswith("gyro") else "m/s^2"
+    return Shape(name, STAYS, Coefficient(step * 2.0**found, step / math.sqrt(12.0), unit), 0.5)
