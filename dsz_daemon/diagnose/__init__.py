@@ -20,6 +20,7 @@ from dsz_daemon.diagnose.effects.row import CAR, SENSORS, Effect, Motion, Parame
 from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
 from dsz_daemon.diagnose.faults.backwards import as_shapes, backwards, without_them
+from dsz_daemon.diagnose.faults.bunches import hardly_there, told_by_stamps
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.faults.reference_faults import require_same_car
 from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_steering, told_by_readings
@@ -91,6 +92,8 @@ def diagnose(
     require_sound(effects)
     if say is not None:
         say("looking for axes that are not what they are called")
+    signals, bunched = told_by_stamps(signals)
+    bunched = [*bunched, *hardly_there(signals)]
     signals, standing = told_by_standing(signals)
     signals, single = told_by_readings(signals)
     turning = told_by_turning(signals)
@@ -134,7 +137,16 @@ def diagnose(
     # Readings beyond what a steering reaches, in another unit, are not its end.
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
     lines = of_wheels(turning, found.best.effects)
-    beside = [*standing, *single, *lines, *coarse, *stops, *back, *spinning(found.drive, found.rows, found.best)]
+    beside = [
+        *bunched,
+        *standing,
+        *single,
+        *lines,
+        *coarse,
+        *stops,
+        *back,
+        *spinning(found.drive, found.rows, found.best),
+    ]
     said = answered(found, [*input_faults, *faults], each, by_numbers, beside)
     if not (said.causes or said.parameter_errors or said.unlisted):
         said, found = with_nothing_said(said, found)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.shape_names import NO_SHAPE, is_of_the_car, is_shape
+from dsz_daemon.diagnose.faults.bunches import delays_of
 from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, hidden_by_steps
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
@@ -80,6 +81,7 @@ def answered(
     no_names |= curve_of_an_axle(found) | driven_by_other_wheels(found, level) | late_besides(found, sure)
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
+    no_names |= delays_of(beside)
     # Nor is known how a hand or a wheel moves of which only steps are.
     by_steps = hidden_by_steps(beside)
     no_names |= by_steps
