@@ -93,7 +93,6 @@ def diagnose(
     if say is not None:
         say("looking for axes that are not what they are called")
     signals, bunched = told_by_stamps(signals)
-    bunched = [*bunched, *hardly_there(signals)]
     signals, standing = told_by_standing(signals)
     signals, single = told_by_readings(signals)
     turning = told_by_turning(signals)
@@ -103,6 +102,7 @@ def diagnose(
     if input_faults:
         signals = wiring.mended_signals(signals)
         recording = recorded(signals, steering_ratio, reference)
+    bunched = [*bunched, *hardly_there(recording, signals)]
     coarse = [*coarse_steering(signals, steering_ratio), *coarse_readings(signals)]
     drive = drive_of(recording, car, steering_ratio, words)
     rows = rows_of(drive)

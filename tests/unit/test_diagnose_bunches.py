@@ -12,6 +12,7 @@ from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made
 
 from dsz_daemon.diagnose import diagnose
 from dsz_daemon.diagnose.faults.bunches import delays_of, hardly_there, told_by_stamps
+from dsz_daemon.diagnose.recordings.recording import recorded
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS
@@ -83,13 +84,29 @@ def test_stamps_that_are_in_order_stay_as_they_are() -> None:
 def test_of_bunches_of_which_some_are_lost_nobody_knows_when_the_others_were_due() -> None:
     late = _let_go(_due_ns(), 40)
     kept = np.random.default_rng(6).random(N) > 0.05
-    told, found = _told(late[kept])
+    told, _ = _told(late[kept])
     assert told == []
-    # Between the bunches nothing is there: that is said, and is no consistent recording.
-    [shape] = hardly_there(found.signals)
+
+
+def test_what_has_gaps_most_of_the_time_is_said_and_a_pause_between_two_recordings_is_none() -> None:
+    """Between bunches of which some are lost nothing is there: hardly a row is compared."""
+    signals = made(HAND, HAND)
+    late = np.asarray(_let_go(np.asarray(STAMPS), 40))
+    kept = np.random.default_rng(6).random(len(late)) > 0.05
+    holed = signals | {"gyro_z": Signal(late[kept], signals["gyro_z"].values[kept])}
+    [shape] = hardly_there(recorded(holed, RATIO), holed)
     assert (shape.channel, shape.shape) == ("gyro_z", "not there for k of the time")
-    assert shape.coefficient.value == pytest.approx(0.98, abs=0.02)
-    assert hardly_there({"gyro_z": Signal(_due_ns(), np.zeros(N)), "brake": Signal(late, np.zeros(N))}) == []
+    assert shape.coefficient.value == pytest.approx(1.0, abs=0.02)
+    told = diagnose(holed, TUCSON, RATIO, tolerance=TOLERANCE).said
+    assert told.verdict == "unexplained"
+    assert [one.channel for one in told.unlisted] == ["gyro_z"]
+    # The next day; and a channel that nobody has is not missed.
+    twice = {
+        name: Signal(np.concatenate([one.t_ns, one.t_ns + 86400 * 10**9]), np.tile(one.values, 2))
+        for name, one in signals.items()
+        if name != "accel_z"
+    }
+    assert hardly_there(recorded(twice, RATIO), twice) == []
 
 
 def test_how_late_all_is_that_comes_in_bunches_is_not_told() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from dsz_daemon.diagnose.faults.single_readings import Readings
-from dsz_daemon.diagnose.recordings.recording import with_gaps
+from dsz_daemon.diagnose.recordings.recording import Recording
 from dsz_daemon.diagnose.residuals.comparison import Bools
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.diagnose.simulation.drive import Floats
@@ -47,13 +47,15 @@ def told_by_stamps(signals: Mapping[str, Signal]) -> Readings:
     return found
 
 
-def hardly_there(signals: Mapping[str, Signal]) -> list[Shape]:
-    """What is said of signals that are not there most of the time: of these hardly anything was compared."""
-    gaps = with_gaps({name: signals[name] for name in _ROLES if name in signals and len(signals[name].t_ns) > 1})
+def hardly_there(recording: Recording, signals: Iterable[str]) -> list[Shape]:
+    """What is said of `signals` that are not there most of the time: of these hardly anything was compared."""
+    columns = np.column_stack([recording.imu, recording.wheels_mps])
+    gone = dict(zip((*IMU_CHANNELS, *WHEEL_SPEEDS), np.mean(~np.isfinite(columns), axis=0).tolist(), strict=True))
+    there, n = set(signals), len(recording.time_s)
     return [
-        Shape(name, "not there for k of the time", Coefficient(share, 1.0 / len(signals[name].t_ns), "1"), share)
-        for name, share in gaps.items()
-        if share > _MOST_OF_THE_TIME
+        Shape(name, "not there for k of the time", Coefficient(share, 1.0 / n, "1"), share)
+        for name, share in gone.items()
+        if name in there and share > _MOST_OF_THE_TIME
     ]
 
 
