@@ -114,7 +114,7 @@ def test_how_late_all_is_that_comes_in_bunches_is_not_told() -> None:
         return Shape(channel, text, Coefficient(0.4, 0.01, "s"), 0.9)
 
     assert delays_of([]) == set()
-    every = {"imu_delay", "wheel_speed_delay", "steering_delay"}
+    every = {"imu_delay", "sensor_bandwidth", "wheel_speed_delay", "steering_delay"}
     assert delays_of([shape("gyro_x"), shape("wheel_speed_rl", "0 where vx < k")]) == every
     assert delays_of([shape("gyro_x", "0 where vx < k"), shape("wheel_speed_rl")]) == {"wheel_speed_delay"}
     assert delays_of([shape("wheel_speed_fl"), shape("road_wheel_angle")]) == {"wheel_speed_delay", "steering_delay"}

@@ -26,6 +26,7 @@ from dsz_daemon.report.diagnosis_words import sentence
 from dsz_daemon.runs.diagnose import words
 
 GYRO_Z, ACCEL_Y = 2, 4
+BOTH = ["gyro_z", "accel_y"]
 
 
 @pytest.mark.parametrize(
@@ -65,6 +66,15 @@ GYRO_Z, ACCEL_Y = 2, 4
         (("imu_delay",), {"gyro_z": 9.0}, set(), []),
         (("imu_delay", "gyro_scale"), {"gyro_z": 9.0, "accel_y": 9.0}, set(), []),
         ((), {"gyro_z": 9.0, "accel_y": 9.0}, set(), []),
+        # Tyres that are stiffer to one side were a zero of the steering besides.
+        (
+            ("steering_offset", "steering: k*(1-cos(2*hand))"),
+            {"gyro_z": 2.6, "accel_y": 2.2},
+            {"steering_offset"},
+            BOTH,
+        ),
+        (("steering_offset",), {"gyro_z": 1.4, "accel_y": 2.2}, set(), []),
+        (("tyre_saturation", "steering_offset"), {"gyro_z": 2.2, "accel_y": 2.2}, set(), []),
         # Instruments do not turn a car, and at the limit of grip no simulation turns as a car does.
         (("gyro_scale",), {"gyro_z": 2.6, "accel_y": 2.2}, set(), []),
         (("tyre_saturation", "steering_ratio"), {"gyro_z": 5.0, "accel_y": 2.2}, set(), []),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 
 from dsz_daemon.diagnose.faults.turning_readings import (
     _as_shape,
@@ -14,8 +15,15 @@ from dsz_daemon.diagnose.faults.turning_readings import (
     _stands_out,
     of_wheels,
     told_by_turning,
+    uneven_rings,
 )
+from dsz_daemon.diagnose.fitting.fit import fitted
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
+from dsz_daemon.diagnose.simulation.drive import nothing
+from dsz_daemon.diagnose.verdict.answer import answered
+from dsz_daemon.diagnose.verdict.unnamed import differ_by
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import WHEEL_SPEEDS
 
@@ -230,3 +238,26 @@ def test_what_a_roads_own_gyro_alone_shows_is_the_roads(gyro: str, road: str) ->
     assert of_wheels([line], ("imu_lever_arm",)) == [line]
     assert of_wheels([line], ("imu_lever_arm", road)) == []
     assert of_wheels([line], ({"road_bank", "road_grade"} - {road})) == [line]
+
+
+def test_the_radius_of_a_wheel_alone_whose_ring_is_not_even_is_none() -> None:
+    """Teeth that are further apart over a part of the turn are a smaller wheel besides."""
+
+    def line(channel: str, shape: str = "k*vx*sin(s/0.34 m)") -> Shape:
+        return Shape(channel, shape, Coefficient(0.012, 0.0002, "(m/s)/(m/s)"), 0.5)
+
+    lines = [line("wheel_speed_rl"), line("gyro_x"), line("wheel_speed_fr", "k*vx from 2.0 to 3.0 s")]
+    assert uneven_rings(lines) == {"rl"}
+    one = drive({"wheel_radius.rl": -0.006}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), ("wheel_radius",), TOLERANCE)
+    assert differ_by(one, fit, {"rl"})
+    assert not differ_by(one, fit, {"fr"})
+    assert not differ_by(one, fit, set())
+    search = searched(one, rows, TOLERANCE)
+    assert [cause.effect for cause in answered(search).causes] == ["wheel_radius"]
+    assert [cause.effect for cause in answered(search, beside=[line("wheel_speed_fl")]).causes] == ["wheel_radius"]
+    assert answered(search, beside=[line("wheel_speed_rl")]).causes == []
+    # Of two wheels that differ the other one's is told.
+    two = drive({"wheel_radius.rl": -0.006, "wheel_radius.fr": 0.006}, CITY_V, CITY_STEER)
+    assert not differ_by(two, fitted(two, rows_of(two), nothing(), ("wheel_radius",), TOLERANCE), {"rl"})

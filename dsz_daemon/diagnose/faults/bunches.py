@@ -62,10 +62,11 @@ def hardly_there(recording: Recording, signals: Iterable[str]) -> list[Shape]:
 def delays_of(shapes: Iterable[Shape]) -> set[str]:
     """Delays that nobody knows: of what comes in bunches the least late is taken to come at once.
 
-    All are against the IMU.
+    All are against the IMU, and a low-pass is a delay, too.
     """
     there = {shape.channel for shape in shapes if shape.shape == IN_BUNCHES}
-    return {d for d, channels in _DELAYS.items() if there & {*channels, *IMU_CHANNELS}}
+    slow = {"sensor_bandwidth"} if there & set(IMU_CHANNELS) else set()
+    return {d for d, channels in _DELAYS.items() if there & {*channels, *IMU_CHANNELS}} | slow
 
 
 def _due_s(at_s: Floats) -> Floats | None:

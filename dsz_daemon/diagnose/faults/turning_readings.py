@@ -7,7 +7,7 @@ line in the spectrum, whatever the speed (order tracking).
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +63,12 @@ def of_wheels(lines: Sequence[Shape], effects: Collection[str]) -> list[Shape]:
     """
     others = {line.channel for line in lines} - set(_FELT_BY)
     return [line for line in lines if others or _FELT_BY.get(line.channel) not in effects]
+
+
+def uneven_rings(lines: Iterable[Shape]) -> set[str]:
+    """Wheels (`fl`, ...) whose own speed shows a line once a turn."""
+    names = {name: name.removeprefix("wheel_speed_") for name in WHEEL_SPEEDS}
+    return {names[line.channel] for line in lines if line.channel in names and "sin(s/" in line.shape}
 
 
 def told_by_turning(signals: Mapping[str, Signal]) -> list[Shape]:

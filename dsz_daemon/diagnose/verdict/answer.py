@@ -10,6 +10,7 @@ from dsz_daemon.diagnose.effects.nameless import OUTER_LOAD
 from dsz_daemon.diagnose.effects.shape_names import NO_SHAPE, is_of_the_car, is_shape
 from dsz_daemon.diagnose.faults.bunches import delays_of
 from dsz_daemon.diagnose.faults.single_readings import EVERY_OTHER, hidden_by_steps
+from dsz_daemon.diagnose.faults.turning_readings import uneven_rings
 from dsz_daemon.diagnose.faults.wiring import AxisFault
 from dsz_daemon.diagnose.fitting.gains import TOLD_GAIN
 from dsz_daemon.diagnose.residuals.comparison import Each
@@ -53,7 +54,7 @@ from dsz_daemon.diagnose.verdict.numbers import offsets_of
 from dsz_daemon.diagnose.verdict.paces import differs_by_pace
 from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
 from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_change
-from dsz_daemon.diagnose.verdict.unnamed import not_named
+from dsz_daemon.diagnose.verdict.unnamed import differ_by, not_named
 from dsz_daemon.diagnose.verdict.untested import untested
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -82,6 +83,9 @@ def answered(
     # Nor has what two sensors in turn show a scale that is a number.
     no_names |= {f"{one.channel.partition('_')[0]}_scale" for one in beside if one.shape.endswith(EVERY_OTHER)}
     no_names |= delays_of(beside)
+    # Nor does a ring that is not even count as many teeth as another.
+    if differ_by(found.drive, found.best, uneven_rings(beside)):
+        no_names |= {"wheel_radius"}
     # Nor is known how a hand or a wheel moves of which only steps are.
     by_steps = hidden_by_steps(beside)
     no_names |= by_steps

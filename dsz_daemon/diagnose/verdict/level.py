@@ -116,9 +116,10 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     the lateral acceleration are right then, not just better. At the limit of grip, where that explains the most, no
     simulation has either right, but for one that has both wrong by far, or wheels as well, or turns besides by what
     has no name; and what explains little beside it, where either is wrong, is the curve of its tyres. One that explains
-    less is no limit: what was chosen before it is not there. An IMU that is late shows both, later.
+    less is no limit: what was chosen before it is not there. An IMU that is late shows both, later. Nor is a zero of
+    the steering told where the car turns otherwise to either side.
     """
-    names, limits = (kind & set(found.best.effects) for kind in (_TURN, GRIP))
+    names, limits, zero = (kind & set(found.best.effects) for kind in (_TURN, GRIP, {"steering_offset"}))
     channels = [channel for channel in OF_A_TURN if channel in level]
     # A wind takes what the accelerometer has left, whatever that is of: the yaw rate alone says whether it is one.
     blown = {"side_wind"} & set(found.best.effects)
@@ -127,7 +128,7 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
     if alone and alone <= _LATE_IMU and len(off) > 1 and off[0] >= TURNED:
         return alone, channels
     # One that is off may be off by its own instrument; but not by one that swings, which is said to explain it.
-    if not names | limits | blown or not off or off[-1] < TURNED:
+    if not names | limits | blown | zero or not off or off[-1] < TURNED:
         return set(), []
     limit = max((found.gains[limit] for limit in limits), default=0.0)
     of_limit = limit > max((found.gains[one] for one in names), default=0.0)
@@ -140,7 +141,7 @@ def turned_by_another(found: Search, level: Mapping[str, float]) -> tuple[set[st
         is_wrong &= (len(off) > 1 or bool(blown)) and (is_far or any(map(is_of_the_car, found.best.effects)))
     if not is_wrong:
         return {name for name in names if found.gains[name] < _OF_A_CURVE * limit}, []
-    return names | limits | blown, channels
+    return names | limits | blown | zero, channels
 
 
 def driven_by_other_wheels(found: Search, level: Mapping[str, float]) -> set[str]:

@@ -29,7 +29,7 @@ from dsz_daemon.diagnose.shapes.unlisted import wheel_squares, wheels_follow
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.simulation.motion import G
 from dsz_daemon.diagnose.surroundings.unfelt_banks import is_unfelt
-from dsz_daemon.signals import IMU_CHANNELS
+from dsz_daemon.signals import IMU_CHANNELS, WHEELS
 
 _NAMELESS = frozenset(effect.name for effect in NAMELESS)
 # In the course of what a yaw gyro shows: the car's steering, sideslip and tyres, and not the gyro's own rate alone.
@@ -148,9 +148,14 @@ def _counts_unevenly(drive: Drive, fit: Fit) -> bool:
 
 def _grows(drive: Drive, fit: Fit) -> bool:
     """Whether radii differ by wheels alone that show the square of their speed: of such a course it is a part."""
-    if "wheel_radius" not in fit.effects or not (grown := wheel_squares(drive, fit)):
+    return differ_by(drive, fit, wheel_squares(drive, fit))
+
+
+def differ_by(drive: Drive, fit: Fit, wheels: Collection[str]) -> bool:
+    """Whether radii differ by these wheels (`fl`, ...) alone, which are said to be off by something else."""
+    if "wheel_radius" not in fit.effects or not wheels:
         return False
-    others = [i for wheel, i in zip(("fl", "fr", "rl", "rr"), sum(_SIDES, ()), strict=True) if wheel not in grown]
+    others = [i for wheel, i in zip(WHEELS, sum(_SIDES, ()), strict=True) if wheel not in wheels]
     return not any(are_apart(drive, fit, *pair) for pair in combinations(others, 2))
 
 
