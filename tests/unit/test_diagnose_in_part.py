@@ -15,7 +15,7 @@ from dsz_daemon.diagnose.simulation.prediction import predicted
 from dsz_daemon.diagnose.simulation.road import flat
 from dsz_daemon.diagnose.verdict import answer, in_part
 from dsz_daemon.diagnose.verdict.answer import answered
-from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean
+from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean, leaves_its_own
 
 QUICK = np.sin(2.0 * np.pi * T / 0.7)
 # Louder and louder within ten seconds, again and again.
@@ -50,6 +50,40 @@ def test_much_that_is_left_where_a_name_shows_most_is_not_its_own(
     left = expected * np.random.default_rng(3).normal(size=fit.left.shape)
     left[:, 0] += np.sqrt(share) * 100.0 * expected[0] * (course * np.cos(2.0 * np.pi * T / 0.7))[rows.at]
     assert explains_a_part(one, rows, fit._replace(left=left), "road_bank", unexplained) is is_none
+
+
+@pytest.mark.parametrize(
+    ("effect", "share", "off", "beside", "is_none"),
+    [
+        ("gyro_scale", 0.0, "its own", (), False),
+        ("gyro_scale", 0.25, "its own", (), True),
+        ("gyro_scale", 0.10, "its own", (), False),
+        # What is off elsewhere, or by noise of its own, is nothing of its.
+        ("gyro_scale", 0.25, "accel_z", (), False),
+        ("gyro_scale", 0.25, "none", (), False),
+        # A road is but sketched, and a shape is no name.
+        ("road_bank", 0.25, "its own", (), False),
+        ("gyro_x: k*r", 0.25, "its own", (), False),
+        # What a wind leaves is in the channels of a turn alone.
+        ("gyro_scale", 0.25, "its own", ("side_wind",), True),
+    ],
+)
+def test_what_has_a_formula_leaves_little_of_what_it_shows(
+    monkeypatch: pytest.MonkeyPatch, effect: str, share: float, off: str, beside: tuple[str, ...], is_none: bool
+) -> None:
+    """Whenever that is left: all the time, here."""
+    one = drive({}, CITY_V, CITY_STEER)
+    rows = rows_of(one)
+    fit = fitted(one, rows, nothing(), (), TOLERANCE)._replace(effects=(effect, *beside))
+    expected = np.hypot(noises(one), fit.form)
+    left = expected * np.random.default_rng(3).normal(size=fit.left.shape)
+    for c, channel, is_none_there in ((0, "gyro_x", is_none), (4, "accel_y", is_none and not beside)):
+        shown, more = np.zeros((len(T), 13)), left.copy()
+        shown[:, c] = 100.0 * expected[c] * QUICK
+        monkeypatch.setattr(in_part, "shown_by", lambda *_, shown=shown: shown)
+        more[:, c] += np.sqrt(share) * 100.0 * expected[c] * np.cos(2.0 * np.pi * T / 0.7)[rows.at]
+        there = {channel if off == "its own" else off}
+        assert leaves_its_own(one, rows, fit._replace(left=more), effect, there) is is_none_there
 
 
 def test_noise_is_not_left(monkeypatch: pytest.MonkeyPatch) -> None:

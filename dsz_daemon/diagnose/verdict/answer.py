@@ -34,7 +34,7 @@ from dsz_daemon.diagnose.verdict.aliases import same_as_offsets, same_as_slip
 from dsz_daemon.diagnose.verdict.causes import cause_of, cause_of_a_fault, cause_of_another_car
 from dsz_daemon.diagnose.verdict.configured import BEYOND, TYRES, parameter_errors
 from dsz_daemon.diagnose.verdict.goodness import goodness
-from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean
+from dsz_daemon.diagnose.verdict.in_part import explains_a_part, is_of_a_lean, leaves_its_own
 from dsz_daemon.diagnose.verdict.late_leans import leans_late, with_their_roads
 from dsz_daemon.diagnose.verdict.level import (
     OF_A_TURN,
@@ -94,8 +94,10 @@ def answered(
     by_pace = differs_by_pace(found.drive, found.rows, found.best, each)
     late = leans_late(found.best)
     no_names |= changing | set(by_pace) | with_their_roads(late)
+    of_all = (found.drive, found.rows, found.best)
+    off = unexplained_of(found, level, TURNED)
+    no_names |= {effect for effect in effects if leaves_its_own(*of_all, effect, off)}
     if unexplained:
-        of_all = (found.drive, found.rows, found.best)
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
         no_names |= {effect for effect, gain in found.gains.items() if is_of_a_lean(effect, gain, unexplained)}
     by_another, turning = turned_by_another(found, level)
