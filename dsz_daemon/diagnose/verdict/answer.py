@@ -56,7 +56,7 @@ from dsz_daemon.diagnose.verdict.said import Cause, Diagnosis, Value
 from dsz_daemon.diagnose.verdict.steady import changes_all_the_way, times_that_change
 from dsz_daemon.diagnose.verdict.unnamed import differ_by, not_named
 from dsz_daemon.diagnose.verdict.untested import untested
-from dsz_daemon.signals import IMU_CHANNELS
+from dsz_daemon.signals import IMU_CHANNELS, WHEEL_SPEEDS
 
 # Units of what is neither of the IMU nor a wheel's speed, by how it is called.
 _BY_END = {"_radps": "rad/s", "_rad": "rad"}
@@ -95,7 +95,8 @@ def answered(
     late = leans_late(found.best)
     no_names |= changing | set(by_pace) | with_their_roads(late)
     of_all = (found.drive, found.rows, found.best)
-    off = unexplained_of(found, level, TURNED)
+    # A reference has faults of its own, and another clock.
+    off = {name for name in unexplained_of(found, level, TURNED) if name in (*IMU_CHANNELS, *WHEEL_SPEEDS)}
     no_names |= {effect for effect in effects if leaves_its_own(*of_all, effect, off)}
     if unexplained:
         no_names |= {effect for effect in effects if explains_a_part(*of_all, effect, unexplained)}
