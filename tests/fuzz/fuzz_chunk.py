@@ -26,6 +26,8 @@ from typing import NamedTuple
 
 # Far above what any input needs (tens of milliseconds) on a machine that is busy with other things.
 HANG_S = 60.0
+# One that no signal reaches, in C, ends its process.
+ENDED_S = 180.0
 _RSS_SAMPLES = 16
 _MOST_FAILURES = 5
 # A hundred thousand small files: in memory where there is such a place, or the disk is what is measured.
@@ -109,7 +111,7 @@ class Session:
         self.inputs += inputs
         if now_s - self._armed_s > 0.1 * HANG_S:
             # The backstop for code that never comes back to Python: ends the process, with a trace.
-            faulthandler.dump_traceback_later(3.0 * HANG_S, exit=True)
+            faulthandler.dump_traceback_later(ENDED_S, exit=True)
             signal.setitimer(signal.ITIMER_REAL, HANG_S)
             self._armed_s = now_s
 
