@@ -83,10 +83,26 @@ def test_a_sensor_that_is_the_other_way_all_the_time_is_reversed(gyro: float, al
     assert backwards(parked((), gyro=gyro, along=along), TUCSON.wheelbase_m) == []
 
 
+def test_both_have_to_be_the_other_way_and_a_gyro_has_an_offset() -> None:
+    """One sensor alone is its own fault; and of an offset as large as the turn the one way round is none."""
+    for channel in (2, 3):
+        one, other = parked((0, 3)), parked(())
+        one.imu[:, channel] = other.imu[:, channel]
+        assert backwards(one, TUCSON.wheelbase_m) == []
+    for offset_radps in (-0.3, 0.3):
+        one = parked((0, 3))
+        one.imu[:, 2] += offset_radps
+        assert [round(begin) for begin, _ in backwards(one, TUCSON.wheelbase_m)] == [2, 47]
+
+
 def test_a_car_that_hardly_moves_or_goes_fast_is_not_asked() -> None:
     assert backwards(parked((0,), fastest_mps=0.1), TUCSON.wheelbase_m) == []
     assert [round(begin) for begin, _ in backwards(parked((0,), fastest_mps=7.0), TUCSON.wheelbase_m)] == [2]
     assert backwards(parked((0,), fastest_mps=9.0), TUCSON.wheelbase_m) == []
+    # A gap in what is felt leaves the rest of a run.
+    holed = parked((0, 3))
+    holed.imu[(T > 4.0) & (T < 4.4)] = np.nan
+    assert [round(begin) for begin, _ in backwards(holed, TUCSON.wheelbase_m)] == [2, 47]
     gone = parked((0, 3))
     gone.wheels_mps[:, 1] = np.nan
     assert backwards(gone, TUCSON.wheelbase_m) == []
@@ -103,7 +119,6 @@ def test_what_is_said_has_the_time_and_that_the_sign_is_the_other_one() -> None:
         assert shape.coefficient.value == -2.0
         assert shape.coefficient.unit == "(m/s)/(m/s)"
         assert shape.share == pytest.approx(18.0 / 60.0, abs=0.02)
-    assert as_shapes(one, []) == []
     without = without_them(one, stretches)
     lost = np.isnan(without.road_wheel_angle_rad)
     assert lost[(T > 2.5) & (T < 9.5)].all()

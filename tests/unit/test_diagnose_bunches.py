@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from core_cases import TUCSON
-from test_diagnose_choices import TOLERANCE
+from test_diagnose_choices import CITY_STEER, CITY_V, TOLERANCE, drive
 from test_diagnose_steering_stops import HAND, RATIO, STAMPS, made
 
 from dsz_daemon.diagnose import diagnose
 from dsz_daemon.diagnose.faults.bunches import delays_of, hardly_there, told_by_stamps
 from dsz_daemon.diagnose.recordings.recording import recorded
+from dsz_daemon.diagnose.residuals.comparison import rows_of
+from dsz_daemon.diagnose.selection.search import searched
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
+from dsz_daemon.diagnose.verdict.answer import answered
 from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.signals import IMU_CHANNELS
 
@@ -67,6 +70,15 @@ def test_a_queue_that_stops_at_random_is_told_too() -> None:
     assert np.ptp((found.signals["gyro_z"].t_ns - due) * 1e-9) < 0.002
 
 
+def test_a_long_stall_at_the_end_makes_no_other_period() -> None:
+    due = _due_ns(n=3000)
+    late = _let_go(due, 40)
+    late[-150:] = due[-1] + 1_500_000_000 + 200_000 * np.arange(150)
+    told, found = _told(late)
+    assert told == ["up to k late, in bunches"]
+    assert np.max(np.abs(found.signals["gyro_z"].t_ns - due)) * 1e-9 < 0.001
+
+
 def test_stamps_that_are_in_order_stay_as_they_are() -> None:
     due = _due_ns()
     lost = np.delete(due, np.arange(1000, 1040))
@@ -118,6 +130,14 @@ def test_how_late_all_is_that_comes_in_bunches_is_not_told() -> None:
     assert delays_of([shape("gyro_x"), shape("wheel_speed_rl", "0 where vx < k")]) == every
     assert delays_of([shape("gyro_x", "0 where vx < k"), shape("wheel_speed_rl")]) == {"wheel_speed_delay"}
     assert delays_of([shape("wheel_speed_fl"), shape("road_wheel_angle")]) == {"wheel_speed_delay", "steering_delay"}
+
+
+def test_of_an_imu_in_bunches_a_delay_has_no_name() -> None:
+    one = drive({"imu_delay.delay_s": 0.02}, CITY_V, CITY_STEER)
+    search = searched(one, rows_of(one), TOLERANCE)
+    bunches = Shape("gyro_x", "up to k late, in bunches", Coefficient(0.4, 0.01, "s"), 0.9)
+    assert [cause.effect for cause in answered(search).causes] == ["imu_delay"]
+    assert answered(search, beside=[bunches]).causes == []
 
 
 def test_a_diagnosis_of_an_imu_in_bunches_says_so_and_compares_it() -> None:

@@ -86,6 +86,16 @@ def test_what_has_a_formula_leaves_little_of_what_it_shows(
         assert leaves_its_own(one, rows, fit._replace(left=more), effect, there) is is_none_there
 
 
+def test_a_name_that_leaves_its_own_channel_off_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = found(drive({"gyro_scale.z": 0.05}, CITY_V, CITY_STEER))
+    monkeypatch.setattr(answer, "unexplained_of", lambda _, __, by=3.0: ["gyro_z"] if by == answer.TURNED else [])
+    assert [cause.effect for cause in answered(search).causes] == ["gyro_scale"]
+    shown = shown_by(search.drive, search.best, "gyro_scale")[search.rows.at, 2]
+    left = search.best.left.copy()
+    left[:, 2] += np.std(shown) * QUICK[search.rows.at]
+    assert answered(search._replace(best=search.best._replace(left=left))).causes == []
+
+
 def test_noise_is_not_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of what shows less than its channel's noise that noise is no part that it does not explain."""
     one = drive({}, CITY_V, CITY_STEER)

@@ -33,7 +33,9 @@ def _ringing(seed: int, by: float = 1.0) -> Any:
     return by * x / np.std(x)
 
 
-@pytest.mark.parametrize(("stands_s", "hushes", "own"), [(20.0, 1.0, False), (20.0, 0.0, True), (4.0, 1.0, True)])
+@pytest.mark.parametrize(
+    ("stands_s", "hushes", "own"), [(20.0, 1.0, False), (20.0, 0.0, True), (13.0, 1.0, False), (4.0, 1.0, True)]
+)
 def test_what_hushes_while_the_car_stands_is_not_the_sensors(stands_s: float, hushes: float, own: bool) -> None:
     """Of a stop of two seconds of rest nothing is known."""
     v = _stopping(stands_s)

@@ -21,8 +21,8 @@ _DELAYS = {
     "steering_delay": ("steering_wheel_angle", "road_wheel_angle"),
 }
 _ROLES = tuple(name for channels in _DELAYS.values() for name in channels)
-# Of so many samples, a tenth of them so late, and so many periods; none comes so much later than the one before.
-_FEWEST, _LATE_S, _LATE_PERIODS, _PAUSE_S = 500, 0.05, 5.0, 2.0
+# Of so many samples, a tenth of them so late, and so many periods.
+_FEWEST, _LATE_S, _LATE_PERIODS = 500, 0.05, 5.0
 # What is late by nothing, once in so long a time, comes a period after another: by so much of one, or so many seconds.
 _ONCE_IN_S, _STRAIGHT_PERIODS, _STRAIGHT_S, _LEAST_WINDOWS = 5.0, 1.0, 0.003, 5
 _AT_ONCE_PERIODS, _OFTEN, _MOST, _MOST_OF_THE_TIME = 0.2, 0.1, 0.99, 0.5
@@ -75,7 +75,7 @@ def _due_s(at_s: Floats) -> Floats | None:
     Nor where the earliest of each few seconds are no straight line: then some are lost, and which one is which is not
     known.
     """
-    if np.max(np.diff(at_s)) > _PAUSE_S or at_s[-1] < _LEAST_WINDOWS * _ONCE_IN_S:
+    if at_s[-1] < _LEAST_WINDOWS * _ONCE_IN_S:
         return None
     i = np.arange(len(at_s), dtype=np.float64)
     period_s = float(at_s[-1]) / (len(at_s) - 1)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsz_daemon.diagnose.recordings.recording import Recording, white_std
+from dsz_daemon.diagnose.recordings.recording import Recording, white_std, without_steering
 from dsz_daemon.diagnose.residuals.comparison import SLOW_MPS
 from dsz_daemon.diagnose.shapes.unlisted import Coefficient, Shape
 from dsz_daemon.diagnose.simulation.drive import CHANNELS, Drive, nothing
@@ -96,9 +96,7 @@ def is_one(drive: Drive, stop: Stop, first_ns: int) -> bool:
 def without_it(recording: Recording, stop: Stop, first_ns: int) -> tuple[Recording, float]:
     """The recording with no steering where it stood, or the car has not forgotten that yet; and which share it was."""
     there = _within(recording.time_s, stop, first_ns, _FORGETS_S)
-    told = recording.road_wheel_angle_rad if recording.told_rad is None else recording.told_rad
-    known, before = (np.where(there, np.nan, steering) for steering in (recording.road_wheel_angle_rad, told))
-    return recording._replace(road_wheel_angle_rad=known, told_rad=before), float(np.mean(there))
+    return without_steering(recording, there), float(np.mean(there))
 
 
 def _within(time_s: Floats, stop: Stop, first_ns: int, after_s: float) -> Bools:

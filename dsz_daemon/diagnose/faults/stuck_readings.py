@@ -150,8 +150,8 @@ def _stuck_bit(name: str, signal: Signal) -> Shape | None:
         sums = np.concatenate(([0], np.cumsum(np.concatenate((there, there)))))
         filled = sums[half : 3 * half] - sums[: 2 * half]
         if there.sum() == filled.max() > _FILLED * half:
-            periods, seen = (np.unique(steps + 2 * half - int(np.argmax(filled))) // (2 * half)), 0.5 * half
-            found = bit if np.count_nonzero(np.bincount(periods) > seen) >= _ROUNDS else found
+            seen = np.bincount(np.unique(steps) // (2 * half)) > 0.5 * half
+            found = bit if np.count_nonzero(seen) >= _ROUNDS else found
     if found is None:
         return None
     unit = "rad/s" if name.startswith("gyro") else "m/s^2"

@@ -208,6 +208,13 @@ def _on_grid(signal: Signal | None, first_ns: int, time_s: Floats, longest_gap_s
     return values
 
 
+def without_steering(recording: Recording, there: np.ndarray[Any, np.dtype[np.bool_]]) -> Recording:
+    """The recording in which nobody knows how the car was steered where `there` (n,): these rows are not compared."""
+    told = recording.road_wheel_angle_rad if recording.told_rad is None else recording.told_rad
+    known, before = (np.where(there, np.nan, steering) for steering in (recording.road_wheel_angle_rad, told))
+    return recording._replace(road_wheel_angle_rad=known, told_rad=before)
+
+
 def with_gaps(signals: Mapping[str, Signal]) -> dict[str, float]:
     """Signals that for much of the time are missing, between samples further apart than `LONGEST_GAP_S`: its share."""
     found = {}
