@@ -10,7 +10,7 @@ from test_diagnose_choices import CITY_STEER, CITY_V, NOISE, N, T, drive, found
 
 from dsz_daemon.diagnose.recordings.recording import DT_S
 from dsz_daemon.diagnose.residuals.comparison import STILL_MPS, rows_of
-from dsz_daemon.diagnose.residuals.own_noise import is_its_own, is_shared
+from dsz_daemon.diagnose.residuals.own_noise import _is_quiet_while_standing, is_its_own, is_shared
 from dsz_daemon.diagnose.simulation.drive import Drive
 from dsz_daemon.diagnose.verdict.answer import answered, with_nothing_said, with_what_has_no_shape
 from dsz_daemon.diagnose.verdict.level import level_of, off_where_nothing_is_said
@@ -46,6 +46,16 @@ def test_what_hushes_while_the_car_stands_is_not_the_sensors(stands_s: float, hu
     left = (_ringing(3) * loud)[rows.at] * 3.0 * NOISE[_AZ]
     rest = np.random.default_rng(4).normal(size=len(left)) * NOISE[_AZ]
     assert is_its_own(one, rows, left + rest, _AZ) is own
+
+
+@pytest.mark.parametrize(("rests", "is_quiet"), [(0.45, True), (0.55, False), (2.5, False)])
+def test_a_quarter_of_the_power_is_quiet(rests: float, is_quiet: bool) -> None:
+    """By itself: what is louder in lively parts of a drive, or now and then, is no noise by other rules."""
+    rng, k = np.random.default_rng(6), np.arange(4000)
+    v_mps = np.where(k < 1000, 0.0, 12.0)
+    left = rng.normal(size=4000) * np.where(k < 1000, rests, 1.0)
+    assert _is_quiet_while_standing(v_mps, left, np.full(4000, True), k // 125) is is_quiet
+    assert not _is_quiet_while_standing(v_mps, left, k >= 901, k // 125)
 
 
 def test_what_is_slow_may_be_little_by_chance_while_the_car_stands() -> None:

@@ -84,13 +84,11 @@ def _due_s(at_s: Floats) -> Floats | None:
     # A bus takes one after another: all of a bunch are let go when the first of it comes, and the last is late by that.
     begins = np.concatenate(([True], np.diff(at_s) > _AT_ONCE_PERIODS * period_s))
     let_go_s = at_s[np.maximum.accumulate(np.where(begins, np.arange(len(at_s)), 0))]
-    due_s = at_s
-    for _ in range(2):
-        beyond = at_s - period_s * i
-        first = np.lexsort((beyond, window))
-        first = first[np.concatenate(([True], np.diff(window[first]) > 0))]
-        period_s, begin_s = (float(one) for one in np.polyfit(i[first], at_s[first], 1))
-        due_s = begin_s + period_s * i
+    beyond = at_s - period_s * i
+    first = np.lexsort((beyond, window))
+    first = first[np.concatenate(([True], np.diff(window[first]) > 0))]
+    period_s, begin_s = (float(one) for one in np.polyfit(i[first], at_s[first], 1))
+    due_s = np.asarray(begin_s + period_s * i, dtype=np.float64)
     off_s = at_s[first] - due_s[first]
     if not np.max(np.abs(off_s)) < max(_STRAIGHT_PERIODS * period_s, _STRAIGHT_S):
         return None
