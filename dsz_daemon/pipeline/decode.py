@@ -156,7 +156,18 @@ class Decoder:
             self._counters.own += 1
         elif not is_ambiguous:
             self._counters.unwanted += 1
+            self._near_miss(channel, address)
         return tuple(lanes), is_ambiguous
+
+    def _near_miss(self, channel: str, address: tuple[int, bool]) -> None:
+        """Counts a frame that nothing is mapped to and that looks like one which is."""
+        can_id, is_extended = address
+        for plan in self._plans.get((can_id, not is_extended), ()):
+            self._counters.messages[plan.name].other_width += 1
+        for plan in self._plans.get(address, ()):
+            counts = self._counters.messages[plan.name]
+            counts.elsewhere += 1
+            counts.elsewhere_on = counts.elsewhere_on or channel
 
     def _lane(self, plan: MessagePlan, wanted: Sequence[SourcePlan], counts: MessageCounts, sender: Sender) -> _Lane:
         plain = [not source_plan.selectors and source_plan.valid is None for source_plan in wanted]

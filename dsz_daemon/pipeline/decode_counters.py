@@ -66,6 +66,9 @@ class MessageCounts:
     that never came, by the alive counter. `wrong_length`: shorter or longer than the DBC says, used or
     not. `last_t_ns`: stamp of the last one used. `channel` is the first channel it came from: sources
     that name no channel are bound to it. `senders` is what is remembered by channel.
+
+    Not among them, and not used: `other_width`, frames of the id's number with 11 bits where the DBC has
+    29 or the other way round, and `elsewhere`, on channels that none of its signals names.
     """
 
     frames: int = 0
@@ -77,12 +80,26 @@ class MessageCounts:
     repeated: int = 0
     wrong_sequence: int = 0
     lost: int = 0
+    other_width: int = 0
+    elsewhere: int = 0
+    elsewhere_on: str | None = None
     senders: dict[str, Sender] = field(default_factory=dict)
 
     @property
     def refused(self) -> int:
         """Frames that were not used as a whole."""
         return self.babbling + self.wrong_checksum + self.repeated + self.wrong_sequence
+
+    def near_misses(self, is_extended: bool) -> list[str]:
+        """What came instead of its frames, where that may be a slip of DBC or configuration."""
+        words = []
+        if self.other_width:
+            wide, narrow = "extended (29 bit)", "standard (11 bit)"
+            came, said = (narrow, wide) if is_extended else (wide, narrow)
+            words.append(f"{self.other_width} frames have its id as {came}, the DBC as {said}")
+        if self.elsewhere:
+            words.append(f"{self.elsewhere} frames of it came on {self.elsewhere_on}, where it is not looked for")
+        return words
 
     def copy(self) -> MessageCounts:
         """Return an equal value that shares nothing with this one."""

@@ -22,6 +22,7 @@ from dsz_daemon.pipeline.grid import Signal
 from dsz_daemon.report.diagnosis_page import diagnosis_page
 from dsz_daemon.report.diagnosis_words import end_of, is_formless, is_spin, spins_of
 from dsz_daemon.runs.hands import Hands
+from dsz_daemon.runs.never_received import hints, never_received
 from dsz_daemon.runs.results import output_folder
 from dsz_daemon.runs.setup import Setup, set_up, versions
 from dsz_daemon.runs.states_file import check_overlap, read_states
@@ -31,6 +32,7 @@ from dsz_daemon.signals import WHEEL_SPEEDS
 Progress = Callable[[int, int], None]
 
 _SIDE_BY_SIDE = 2
+_STEERING = frozenset({"steering_wheel_angle", "road_wheel_angle"})
 
 
 class Beside(NamedTuple):
@@ -109,13 +111,23 @@ def _states(
 def _require_mapped(setup: Setup) -> None:
     """InputError where what the simulation is driven by is not mapped."""
     missing = [name for name in WHEEL_SPEEDS if name not in setup.roles]
-    if not setup.roles & {"steering_wheel_angle", "road_wheel_angle"}:
+    if not setup.roles & _STEERING:
         missing.append("steering_wheel_angle")
     if missing:
         raise InputError(
             f"{setup.path}: signals: {', '.join(missing)} not mapped; expected four wheel speeds and a steering angle, "
             "which drive the simulation"
         )
+
+
+def _require_received(never: Mapping[str, str]) -> None:
+    """InputError where what drives the simulation is mapped, and `never` came."""
+    gone: dict[str, list[str]] = {}
+    for role in (role for role in never if role in {*WHEEL_SPEEDS, *_STEERING}):
+        gone.setdefault(never[role], []).append(role)
+    if gone:
+        words = "; ".join(f"{', '.join(roles)} ({why})" for why, roles in gone.items())
+        raise InputError(f"never received, and the simulation is driven by it: {words}")
 
 
 def _write_report(path: Path, result: dict[str, Any], columns: Mapping[str, Floats], title: str) -> None:
@@ -209,8 +221,12 @@ def _read(
                 early[sample.role] = early.get(sample.role, 0) + 1
     if not stamps:
         names = ", ".join(str(path) for path in logs)
-        raise InputError(f"{names}: none of the mapped messages is in it; is this the car of {setup.path}?")
+        came = hints(setup, decoder.counters)
+        raise InputError(f"{names}: none of the mapped messages is in it; is this the car of {setup.path}?{came}")
+    never = never_received(setup, decoder.counters)
+    _require_received(never)
     warnings = report.words()
+    warnings += [f"{role}: mapped, but never received ({why})" for role, why in never.items()]
     for role, n in early.items():
         warnings.append(
             f"{role}: {n} of {n + len(stamps[role])} samples left out, whose stamps are before those of earlier ones "

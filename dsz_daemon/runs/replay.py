@@ -17,6 +17,7 @@ from dsz_daemon.errors import ConfigError, InputError
 from dsz_daemon.pipeline.cycles import CycleWatch
 from dsz_daemon.pipeline.frames import Frame
 from dsz_daemon.pipeline.rows import Row
+from dsz_daemon.runs.never_received import hints
 from dsz_daemon.runs.results import RESULT_NAMES, ResultFiles
 from dsz_daemon.runs.setup import set_up
 from dsz_daemon.runs.summary import RunSummary
@@ -86,7 +87,8 @@ def replay(
     if interrupted:
         result["warnings"].insert(0, "interrupted: only the part of the recording up to then was replayed")
     if summary.rows == 0 and not interrupted:
-        raise InputError(_nothing_wanted(logs, report, decoder.wanted_ids(), decoded.samples))
+        nothing = _nothing_wanted(logs, report, decoder.wanted_ids(), decoded.samples)
+        raise InputError(nothing + hints(setup, decoded))
     results.conclude(result, f"Replay of {', '.join(path.name for path in logs)}", known)
     return result
 

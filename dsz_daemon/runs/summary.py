@@ -16,6 +16,7 @@ from dsz_daemon.pipeline.decode import DecodeCounters
 from dsz_daemon.pipeline.histogram import Histogram
 from dsz_daemon.pipeline.plausibility import Plausibility
 from dsz_daemon.pipeline.rows import Row
+from dsz_daemon.runs.never_received import never_received
 from dsz_daemon.runs.setup import Setup, versions
 from dsz_daemon.signals import IMU_CHANNELS, QUANTITIES, REFERENCE_OF
 
@@ -182,6 +183,8 @@ class RunSummary:
                     "wrong_sequence": message.wrong_sequence,
                     "babbling": message.babbling,
                     "lost": message.lost,
+                    "other_width": message.other_width,
+                    "elsewhere": message.elsewhere,
                 }
                 for name, message in decoded.messages.items()
             },
@@ -209,16 +212,13 @@ class RunSummary:
 
     def _findings(self, decoded: DecodeCounters) -> list[str]:
         words = [*self._plausibility.findings(), *_refused(decoded), *self._gone(decoded)]
-        message_of = {source.role: source.message for source in self._setup.checked.resolved.sources}
-        for role in sorted(self._setup.roles):
-            counts = decoded.roles[role]
-            if counts.samples == 0:
-                whole = decoded.messages[message_of[role]].refused
-                seen = f"{counts.rejected} values, all refused" if counts.rejected else "no frame of it"
-                seen = f"{whole} frames of {message_of[role]}, all refused" if whole and not counts.rejected else seen
-                words.append(f"{role}: mapped, but never received ({seen})")
-            elif counts.refuses_many:
-                words.append(f"{role}: {counts.words()}")
+        never = never_received(self._setup, decoded)
+        words += [f"{role}: mapped, but never received ({why})" for role, why in never.items()]
+        words += [
+            f"{role}: {decoded.roles[role].words()}"
+            for role in sorted(self._setup.roles - set(never))
+            if decoded.roles[role].refuses_many
+        ]
         if decoded.ambiguous:
             bound = sorted({f"{name} on {m.channel}" for name, m in decoded.messages.items() if m.channel is not None})
             words.append(

@@ -254,6 +254,13 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "other.log").write_text("(1.0) can0 7FF#00\n(2.0) can0 7FF#00\n")
     assert main(["diagnose", str(tmp_path / "other.log"), *arguments]) == 3
     assert "none of the mapped messages" in capsys.readouterr().err
+    # A DBC that has the wheels' message with 29 bits, and a recording of another channel.
+    text = (tmp_path / "car.dbc").read_text()
+    (tmp_path / "car.dbc").write_text(text.replace("BO_ 902 ", f"BO_ {902 + 2**31} "))
+    assert main(["diagnose", str(tmp_path / "recording.log"), *arguments]) == 3
+    told = capsys.readouterr().err
+    assert "wheel_speed_fl, wheel_speed_fr, wheel_speed_rl, wheel_speed_rr (no frame of it; " in told
+    assert "frames have its id as standard (11 bit), the DBC as extended (29 bit))" in told
 
 
 def test_without_scipy_the_desk_extra_is_named(
