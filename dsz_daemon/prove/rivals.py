@@ -47,6 +47,9 @@ class Rivals(NamedTuple):
     sparse: str
 
 
+UNASKED = Rivals(None, "nothing")
+
+
 def rivals(fitted: Mapping[str, Any], fit: Mapping[str, Mapping[str, Any]]) -> Rivals:
     """`fitted`: columns of fit.parquet; `fit`: that of diagnosis.json, which has the channels' noise.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsz_daemon.edge.samples_file import read_samples
 from dsz_daemon.prove.reasons import reasons
-from dsz_daemon.prove.rivals import rivals
+from dsz_daemon.prove.rivals import UNASKED, rivals
 from dsz_daemon.prove.sizes import HOW
 
 # What no recording of these channels can split; the contract says so.
@@ -27,8 +27,11 @@ _POINTS = 130
 _PROFILES = {"road_bank": ("road_bank_rad", "road_bank_rad"), "road_grade": ("road_grade_up_rad", "road_grade_up_rad")}
 
 
-def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, Any]:
-    """The score of one trial, as plain data; `answer` holds diagnosis.json, or error.json."""
+def scored(truth: Mapping[str, Any], answer: Path, profiles: Path, asks_rivals: bool = True) -> dict[str, Any]:
+    """The score of one trial, as plain data; `answer` holds diagnosis.json, or error.json.
+
+    What rivals make of it takes a second, and is left out unless it `asks_rivals`.
+    """
     planted = {one["effect"]: one["parameters"] for one in truth["effects"]}
     one: dict[str, Any] = {key: truth[key] for key in ("number", "group", "car", "kind", "seed", "size")}
     one |= {"planted": sorted(planted), "unlisted": [row["name"] for row in truth["unlisted"]]}
@@ -37,7 +40,7 @@ def scored(truth: Mapping[str, Any], answer: Path, profiles: Path) -> dict[str, 
         return one | _silent(planted) | {"error": json.loads((answer / "error.json").read_text())["error"]}
     found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
     fitted = read_samples(answer / "fit.parquet")
-    causes, beside = _causes(found), rivals(fitted, found["fit"])
+    causes, beside = _causes(found), rivals(fitted, found["fit"]) if asks_rivals else UNASKED
     there = _there(truth)
     allowed = there | {name for cause in causes if set(cause["group"]) & set(planted) for name in cause["group"]}
     named = [cause["effect"] for cause in causes]

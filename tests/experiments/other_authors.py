@@ -65,7 +65,7 @@ def score_of(sealed: Path, answer: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         profiles = Path(folder) / "profiles.parquet"
         write_columns(_profiles(sealed.with_suffix(".csv")), profiles)
-        return scored(truth, answer, profiles) | {"mechanism": unlisted.get("mechanism")}
+        return scored(truth, answer, profiles, asks_rivals=False) | {"mechanism": unlisted.get("mechanism")}
 
 
 def _profiles(path: Path) -> Mapping[str, np.ndarray]:
