@@ -21,6 +21,7 @@ from dsz_daemon.diagnose.effects.vocabulary import vocabulary
 from dsz_daemon.diagnose.faults.axis_faults import found_faults
 from dsz_daemon.diagnose.faults.backwards import as_shapes, backwards, without_them
 from dsz_daemon.diagnose.faults.bunches import hardly_there, told_by_stamps
+from dsz_daemon.diagnose.faults.echoes import told_by_echoes
 from dsz_daemon.diagnose.faults.input_faults import AT_THE_ROAD, BY_HAND, found_input_faults
 from dsz_daemon.diagnose.faults.reference_faults import require_same_car
 from dsz_daemon.diagnose.faults.single_readings import coarse_readings, coarse_steering, told_by_readings
@@ -92,6 +93,7 @@ def diagnose(
     require_sound(effects)
     if say is not None:
         say("looking for axes that are not what they are called")
+    signals, repeated = told_by_echoes(signals)
     signals, bunched = told_by_stamps(signals)
     signals, standing = told_by_standing(signals)
     signals, single = told_by_readings(signals)
@@ -138,6 +140,7 @@ def diagnose(
     stops = [] if any(fault.channel == role for fault in input_faults) else stops
     lines = of_wheels(turning, found.best.effects)
     beside = [
+        *repeated,
         *bunched,
         *standing,
         *single,
