@@ -18,7 +18,9 @@ def available_bytes(meminfo: Path = _MEMINFO, cgroup: Path = _CGROUP) -> int | N
             found.append(1024 * int(value.split()[0]))
     most, used = (_lines(cgroup / f"memory.{name}") for name in ("max", "current"))
     if most and used and most[0].isdigit() and used[0].isdigit():
-        found.append(max(0, int(most[0]) - int(used[0])))
+        # What was read from files and is not looked at any more makes room by itself.
+        stat = dict(line.split() for line in _lines(cgroup / "memory.stat"))
+        found.append(max(0, int(most[0]) - int(used[0]) + int(stat.get("inactive_file", 0))))
     return min(found, default=None)
 
 

@@ -90,7 +90,7 @@ def table(scores: Sequence[dict[str, Any]]) -> str:
         listed = [one for one in mine if one["planted"]]
         roads = [math.degrees(one["profile_rad"]) for one in listed if one["profile_rad"] is not None]
         cells = [
-            _of(not one["alarm"] for one in mine if not one["planted"] and not one["unlisted"]),
+            _of(one["verdict"] == "consistent" and not one["alarm"] for one in mine if is_null(one)),
             _of(one["first"] for one in listed),
             _of(one["first_or_alias"] for one in listed),
             _of(one["all_named"] for one in listed),
@@ -103,17 +103,22 @@ def table(scores: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def is_null(one: Mapping[str, Any]) -> bool:
+    """Whether nothing is left out."""
+    return not one["planted"] and not one["mechanism"]
+
+
 def told(one: Mapping[str, Any]) -> str:
     """What is to be looked at of one answer, in a line; empty where it is as it should be."""
     where, said = f"{one['group']}/{one['number']:03d}", ", ".join([*one.get("named", []), *one.get("shapes", [])])
     said = f"{one['verdict']}, {said or 'nothing'}"
     if one["error"]:
         return f"- {where}: {one['error']}"
-    if one["unlisted"] and (one["extra"] or one["verdict"] == "consistent"):
+    if one["mechanism"] and (one["extra"] or one["verdict"] == "consistent"):
         return f"- {where}: {one['mechanism']} -- {said}"
     if one["planted"] and (not one["all_named"] or one["extra"] or one["shapes"]):
         return f"- {where}: {', '.join(one['planted'])} -- {said}"
-    if not one["planted"] and not one["unlisted"] and one["alarm"]:
+    if is_null(one) and one["alarm"]:
         return f"- {where}: nothing left out -- {said}"
     return ""
 

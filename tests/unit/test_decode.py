@@ -298,14 +298,15 @@ def test_standard_and_extended_ids_of_the_same_number_are_different() -> None:
 
 def test_frames_that_look_like_those_of_a_message_are_counted_beside_it() -> None:
     decoder = Decoder([source("A", channel="can0")], messages_of('A : 0|8@1+ (1,0) [0|0] ""'))
-    for n, more in enumerate([{"is_extended": True}, {"is_extended": True}, {"channel": "can3"}, {"channel": "can4"}]):
+    wide = {"is_extended": True}
+    for n, more in enumerate([wide, wide, wide, {"channel": "can3"}, {"channel": "can4"}]):
         assert not decoder.decode(frame(b"\1", n, **more))
     decoder.decode(frame(b"\1", 9, can_id=MESSAGE_ID + 1))
     counts = decoder.counters.messages["M"]
-    assert (counts.frames, counts.other_width, counts.elsewhere, counts.elsewhere_on) == (0, 2, 2, "can3")
-    assert decoder.counters.unwanted == 5
+    assert (counts.frames, counts.other_width, counts.elsewhere, counts.elsewhere_on) == (0, 3, 2, "can3")
+    assert decoder.counters.unwanted == 6
     assert counts.near_misses(is_extended=False) == [
-        "2 frames have its id as extended (29 bit), the DBC as standard (11 bit)",
+        "3 frames have its id as extended (29 bit), the DBC as standard (11 bit)",
         "2 frames of it came on can3, where it is not looked for",
     ]
     assert "as standard (11 bit), the DBC as extended" in counts.near_misses(is_extended=True)[0]

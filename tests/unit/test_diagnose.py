@@ -254,7 +254,7 @@ def test_a_wrong_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "other.log").write_text("(1.0) can0 7FF#00\n(2.0) can0 7FF#00\n")
     assert main(["diagnose", str(tmp_path / "other.log"), *arguments]) == 3
     assert "none of the mapped messages" in capsys.readouterr().err
-    # A DBC that has the wheels' message with 29 bits, and a recording of another channel.
+    # A DBC that has the wheels' message with 29 bits.
     text = (tmp_path / "car.dbc").read_text()
     (tmp_path / "car.dbc").write_text(text.replace("BO_ 902 ", f"BO_ {902 + 2**31} "))
     assert main(["diagnose", str(tmp_path / "recording.log"), *arguments]) == 3

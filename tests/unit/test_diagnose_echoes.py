@@ -55,11 +55,25 @@ def test_readings_that_are_held_are_none() -> None:
     assert len(echoes(t_ns, standing)[0]) == 0
 
 
+def test_what_comes_again_after_different_times_is_none() -> None:
+    t_ns, values = readings()
+    late = np.where(np.arange(N) % 2 == 0, 18, 41) * STEP_NS + STEP_NS // 3
+    stamps = np.concatenate([t_ns, t_ns + late])
+    order = np.argsort(stamps, kind="stable")
+    assert len(echoes(stamps[order], np.concatenate([values, values])[order])[0]) == 0
+
+
+def test_one_word_that_comes_in_between_is_none() -> None:
+    t_ns, values = readings()
+    values[::3] = 0.0
+    assert len(echoes(t_ns, values)[0]) == 0
+
+
 def test_a_few_that_come_again_are_none() -> None:
     t_ns, values = readings()
     some = values.copy()
     some[200:500] = some[150:450].copy()
     assert len(echoes(t_ns, some)[0]) == 0
-    assert len(echoes(t_ns[:400], values[:400])[0]) == 0
+    assert len(echoes(*with_echo(t_ns[:200], values[:200], 18))[0]) == 0
     values[7] = np.nan
     assert len(echoes(*with_echo(t_ns, values, 18))[0]) == 0

@@ -25,7 +25,9 @@ def test_what_the_machine_has_left_or_the_container_where_that_is_less(tmp_path:
     assert available_bytes(meminfo, cgroup) == 8_000_000 * 1024
     (cgroup / "memory.max").write_text("3000000\n")
     assert available_bytes(meminfo, cgroup) == 2_000_000
-    (cgroup / "memory.max").write_text("900000\n")
+    (cgroup / "memory.stat").write_text("anon 400000\nfile 600000\ninactive_file 500000\nactive_file 100000\n")
+    assert available_bytes(meminfo, cgroup) == 2_500_000
+    (cgroup / "memory.max").write_text("400000\n")
     assert available_bytes(meminfo, cgroup) == 0
 
 

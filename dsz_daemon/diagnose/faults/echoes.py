@@ -19,8 +19,8 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
 AGAIN = "k late, once more in between"
-# Channels that come at once, of which so many readings tell something.
-_CHANNELS, _FEWEST = 2, 500
+# So many readings tell something; what comes more often than so many times is a second sender's one word, or at rest.
+_FEWEST, _TIMES = 500, 20
 # So many of all readings, and of those that were there before, come again after one and the same time.
 _OF_ALL, _OF_THE_SAME = 0.2, 0.8
 
@@ -45,9 +45,10 @@ def echoes(t_ns: Ints, values: Floats) -> tuple[Ints, Floats]:
     nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
     if len(t_ns) < _FEWEST or not np.isfinite(values).all():
         return nothing
-    _, which = np.unique(values, axis=0, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
-    same = np.diff(which.ravel()[order]) == 0
+    _, which, times = np.unique(values, axis=0, return_inverse=True, return_counts=True)
+    which = which.ravel()
+    order = np.argsort(which, kind="stable")
+    same = (np.diff(which[order]) == 0) & (times[which[order[1:]]] <= _TIMES)
     before, after = order[:-1][same], order[1:][same]
     # What only stays the same is no echo.
     apart = after - before > 1
@@ -72,4 +73,4 @@ def _at_once(signals: Mapping[str, Signal]) -> list[list[str]]:
             groups.append([name])
         else:
             group.append(name)
-    return [group for group in groups if len(group) >= _CHANNELS]
+    return groups
